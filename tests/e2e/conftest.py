@@ -15,6 +15,7 @@ from browser import chromium
 from command_server import CommandServer, command_server
 from programs import ROOT, Ask, Program, Start, environment_of
 from studio_browser import LIMIT_MS, System, opened_page
+from studio_harness import BackgroundStudio, background_studio
 
 
 @pytest.fixture
@@ -88,6 +89,13 @@ def browser() -> Iterator[Browser]:
     expect.set_options(timeout=LIMIT_MS)
     with chromium() as opened:
         yield opened
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[BackgroundStudio]:
+    """An empty studio without a system."""
+    with background_studio() as served:
+        yield served
 
 
 @pytest.fixture

@@ -10,15 +10,9 @@ from playwright.sync_api import Browser, Page, expect
 
 from bt_agents_studio.records import LogRecord
 from studio_browser import box, opened_page, style
-from studio_harness import BackgroundStudio, background_studio
+from studio_harness import BackgroundStudio
 
 pytestmark = pytest.mark.e2e
-
-
-@pytest.fixture
-def studio() -> Iterator[BackgroundStudio]:
-    with background_studio() as served:
-        yield served
 
 
 @pytest.fixture

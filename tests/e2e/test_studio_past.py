@@ -4,23 +4,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 from studio_browser import box, wait_for
-from studio_harness import BackgroundStudio, background_studio
+from studio_harness import BackgroundStudio
 
 pytestmark = pytest.mark.e2e
 
 STEPS = 5
-
-
-@pytest.fixture(scope="module")
-def studio() -> Iterator[BackgroundStudio]:
-    with background_studio() as studio:
-        yield studio
 
 
 class Held:

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from bt_agents_studio.access import SessionRole
 from studio_browser import System, come, open_page, opened_page, running_system, strip
-from studio_harness import BackgroundStudio, background_studio
+from studio_harness import BackgroundStudio
 
 pytestmark = pytest.mark.e2e
 
@@ -20,12 +20,6 @@ LOADED = """
   .flatMap((type) => performance.getEntriesByType(type))
   .map((one) => [new URL(one.name).pathname, one.encodedBodySize])
 """
-
-
-@pytest.fixture(scope="module")
-def studio() -> Iterator[BackgroundStudio]:
-    with background_studio() as studio:
-        yield studio
 
 
 def test_tablet_loads_no_tree_and_no_plots(browser: Browser, studio: BackgroundStudio) -> None:

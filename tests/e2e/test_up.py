@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from processes import write_trees
 from programs import HANG_S, Ask, Program, Start, alive, children, node_of, nodes, wait_for
 
 pytestmark = pytest.mark.e2e
@@ -108,20 +109,8 @@ def process_of(up: Program, component: str) -> int:
     return node_of(up.process.pid, COMPONENTS[component])
 
 
-GREETER = """
-format: 1
-agent: greeter
-title: Greeter
-description: says one thing
-profile: {age: 3, familiarity: 3, mood: 3}
-tree: {say: Hello.}
-"""
-
-
-def leave_only_the_greeter(trees: Path) -> None:
-    for agent in (trees / "agents").iterdir():
-        agent.unlink()
-    (trees / "agents" / "greeter.yaml").write_text(GREETER)
+def only_the_greeter(folder: Path) -> Path:
+    return write_trees(folder / "trees", greeter=(3, "say: Hello."))
 
 
 def until_the_greeter_succeeds(up: Program, ask: Ask) -> None:
@@ -132,10 +121,9 @@ def until_the_greeter_succeeds(up: Program, ask: Ask) -> None:
 
 
 def test_agent_completes_run_after_killed_components_restart(
-    start: Start, ask: Ask, trees: Path
+    start: Start, ask: Ask, tmp_path: Path
 ) -> None:
-    leave_only_the_greeter(trees)
-    up = start("up", str(trees), "--no-voice")
+    up = start("up", str(only_the_greeter(tmp_path)), "--no-voice")
     up.until("ready after")
     for component in COMPONENTS:
         pid = process_of(up, component)
@@ -156,9 +144,10 @@ def test_agent_completes_run_after_killed_components_restart(
     assert not [pid for pid in pids if alive(pid)]
 
 
-def test_single_process_restarts_like_a_component(start_up: Start, ask: Ask, trees: Path) -> None:
-    leave_only_the_greeter(trees)
-    up = start_up(str(trees), "--one-process")
+def test_single_process_restarts_like_a_component(
+    start_up: Start, ask: Ask, tmp_path: Path
+) -> None:
+    up = start_up(str(only_the_greeter(tmp_path)), "--one-process")
     os.kill(node_of(up.process.pid, "bt_agents_ros.one_process"), signal.SIGKILL)
     up.until(r"^system ended \(killed by signal 9\): starting it again in 0\.5 s")
     up.until(r"^system is back after \d+\.\d s")
@@ -186,19 +175,12 @@ def test_ctrl_c_during_restart_delay_ends_everything(start_up: Start) -> None:
     assert "Traceback" not in up.output
 
 
-@pytest.mark.parametrize(
-    ("layout", "name"),
-    [((), "feedback"), (("--one-process",), "system")],
-    ids=["apart", "together"],
-)
-def test_up_exits_with_error_of_unstartable_component(
-    start: Start, tmp_path: Path, layout: tuple[str, ...], name: str
-) -> None:
+def test_up_exits_with_error_of_unstartable_component(start: Start, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     ledger = str(tmp_path / "file" / "ledger.sqlite")
-    up = start("up", "--no-voice", "--no-studio", "--ledger", ledger, *layout)
+    up = start("up", "--no-voice", "--no-studio", "--ledger", ledger)
     assert up.wait() == 1
-    assert f"{name} ended with exit code 1; the end of its log:" in up.output
+    assert "feedback ended with exit code 1; the end of its log:" in up.output
     assert "ledger.sqlite" in up.output
 
 

@@ -48,15 +48,12 @@ def cancel_the_run(up: Program, ask: Ask) -> None:
     up.until("attentive_guide cancelled")
 
 
-def test_killed_host_and_market_end_no_service(start_up: Start, ask: Ask) -> None:
+def test_killed_host_ends_no_service(start_up: Start, ask: Ask) -> None:
     up = up_with_a_run(start_up, ask)
     kill_component(up, HOST)
     until_all(up, "attentive_guide lost", "agents is back")
     assert "attentive_guide" in ask(*MRS_SMITH)
     until_all(up, "attentive_guide starts", "says: Hello")
-    # The scene of a killed market is auctioned again.
-    kill_component(up, "marketplace_node.node")
-    until_all(up, "marketplace is back", "attentive_guide starts", "says: Hello")
     cancel_the_run(up, ask)
 
 
