@@ -80,6 +80,5 @@ def test_only_methods_outside_protocols_need_their_own_docstring():
 
 def test_every_public_method_is_documented_at_its_declaration():
     classes = public_classes()
-    protocols = [one for one in classes if getattr(one, "_is_protocol", False)]
-    protocols = [one for one in protocols if members(one)]
+    protocols = [one for one in classes if getattr(one, "_is_protocol", False) and members(one)]
     assert [problem for owner in classes for problem in undocumented(owner, protocols)] == []

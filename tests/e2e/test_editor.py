@@ -70,22 +70,20 @@ def test_completion_below_profile_offers_scene_parameters(server):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("  say: x\n  ▮retry: 3", [DECORATORS["retry"].description, "attempts", "pause: 2 s"]),
-        ("  ▮sequence:\n    - say: x", [NODE_TYPES["sequence"].description, "memory"]),
-        ("  ▮ask: Where to?", ["the question", "10 s", "gives `answer`"]),
-        ("  ask: {text: x, ▮wait: 3 s}", ["how long to wait for the answer"]),
+        (
+            f"{HEAD}  say: x\n  ▮retry: 3",
+            [DECORATORS["retry"].description, "attempts", "pause: 2 s"],
+        ),
+        (f"{HEAD}  ▮sequence:\n    - say: x", [NODE_TYPES["sequence"].description, "memory"]),
+        (f"{HEAD}  ▮ask: Where to?", ["the question", "10 s", "gives `answer`"]),
+        (f"{HEAD}  ask: {{text: x, ▮wait: 3 s}}", ["how long to wait for the answer"]),
+        (f"{TOP}profile: {{▮age: 3}}", ["1 to 5", "a child"]),
     ],
 )
 def test_hover_shows_meaning_of_word(server, text, words):
-    shown = server.hover(FILE, HEAD + text)
+    shown = server.hover(FILE, text)
     for word in words:
         assert word in shown
-
-
-def test_hover_on_scene_parameter_shows_its_labels(server):
-    shown = server.hover(FILE, f"{TOP}profile: {{▮age: 3}}")
-    assert "1 to 5" in shown
-    assert "a child" in shown
 
 
 @pytest.mark.parametrize(

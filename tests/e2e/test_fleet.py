@@ -106,7 +106,8 @@ def test_up_syncs_joined_robot_and_restarts_fleet_process(
         up.until("fleet DATABASE_AWAY")
         server.start()
         up.until("fleet up to date")
-        os.kill(fleet_process(up), signal.SIGKILL)
+        [fleet] = fleet_processes(up)
+        os.kill(fleet, signal.SIGKILL)
         up.until("fleet ended .killed by signal 9.: starting it again")
         up.until("fleet is back")
         teach()
@@ -122,11 +123,6 @@ def test_up_syncs_joined_robot_and_restarts_fleet_process(
             other.until("fleet up to date" if count else "ready")
             assert len(fleet_processes(other)) == count
             assert other.stop()[0] == 0, other.output
-
-
-def fleet_process(up: Program) -> int:
-    (found,) = fleet_processes(up)
-    return found
 
 
 def fleet_processes(up: Program) -> list[int]:

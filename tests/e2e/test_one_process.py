@@ -156,17 +156,12 @@ def test_single_process_runs_as_launch_file_starts_it(system: System, tmp_path: 
         return re.sub(r"\$\(var (\w+)\)", lambda found: arguments[found[1]], str(text))
 
     words = filled(shared["ros_args"]).split()
-    for number, one in enumerate(shared["param"]):
-        file = tmp_path / f"{number}.yaml"
+    for one in shared["param"]:
         if "from" in one:
-            file = Path(filled(one["from"]))
+            words += ["--params-file", filled(one["from"])]
         else:
-            value = {"str": str, "float": float, "bool": yaml.safe_load}[one["type"]](
-                filled(one["value"])
-            )
-            parameters = {"/**": {"ros__parameters": {one["name"]: value}}}
-            file.write_text(yaml.safe_dump(parameters))
-        words += ["--params-file", str(file)]
+            typed = {"str": str, "float": float, "bool": yaml.safe_load}[one["type"]]
+            words += ["-p", f"{one['name']}:={typed(filled(one['value']))!r}"]
     bare = Component(name="system", module="bt_agents_ros.one_process")
     modules = tuple(shared["args"].split())
     started = replace(bare, arguments=modules, parts=dict(zip(modules, modules, strict=True)))

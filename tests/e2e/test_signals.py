@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
@@ -133,10 +134,11 @@ def busy() -> Iterator[None]:
         burner.wait()
 
 
-def signalled(
+@contextmanager
+def running(
     components: list[Component], folder: Path, random: Random, fork_server: ForkServer
-) -> list[Told]:
-    """Start processes, half of them forked, and signal each at its own time."""
+) -> Iterator[list[Told]]:
+    """Start processes, half of them forked; kill those that still run at the end."""
     told = [
         Told(
             component,
@@ -146,15 +148,19 @@ def signalled(
         )
         for number, component in enumerate(components)
     ]
+    try:
+        yield told
+    finally:
+        for one in told:
+            one.close()
+
+
+def watch(told: list[Told], random: Random, turn: Callable[[], None]) -> list[str]:
+    """Signal each process at its own time and wait for all ends; return the faults."""
     now = time.monotonic()
     for one in told:
         one.due = now + random.uniform(0.0, LATEST_S)
-    return told
-
-
-def watch(told: list[Told], turn: Callable[[], None]) -> list[str]:
-    """Send all signals in time and wait for all ends; return the faults."""
-    end = time.monotonic() + LATEST_S + HANG_S
+    end = now + LATEST_S + HANG_S
     while any(one.ended is None for one in told) and time.monotonic() < end:
         turn()
         for one in told:
@@ -194,25 +200,16 @@ def test_hundred_randomly_timed_signals_end_node_cleanly(
                 replace(one, parameters={**one.parameters, "use_sim_time": True})
                 for one in components
             ]
-        told = signalled(components, folder, random, fork_server)
-        count += len(told)
-        try:
-            problems += watch(told, lambda: time.sleep(0.005))
-        finally:
-            for one in told:
-                one.close()
+        with running(components, folder, random, fork_server) as told:
+            count += len(told)
+            problems += watch(told, random, lambda: time.sleep(0.005))
     for batch in range(RUNNING):
         folder = tmp_path / f"running{batch}"
         folder.mkdir()
-        with fresh_graph() as ros:
-            components = [*everything(trees, folder), system.host(TREES)]
-            told = signalled(components, folder, random, fork_server)
+        components = [*everything(trees, folder), system.host(TREES)]
+        with fresh_graph() as ros, running(components, folder, random, fork_server) as told:
             count += len(told)
-            try:
-                problems += in_a_run(ros, told, random)
-            finally:
-                for one in told:
-                    one.close()
+            problems += in_a_run(ros, told, random)
     assert count == 100 + (TIMES - 1) * EARLY * len(everything(TREES, tmp_path))
     assert not problems, "\n".join([f"{len(problems)} of {count}", *problems])
 
@@ -282,7 +279,4 @@ def in_a_run(ros: Ros, told: list[Told], random: Random) -> list[str]:
     ros.until(lambda: statuses and statuses[-1].agents > 0 and scenes.get_subscription_count())
     scenes.publish(scene_to_msg(scene("s1", age=3, familiarity=3, mood=3)))
     ros.until(lambda: any(run.event == Run.STARTED for run in runs))
-    now = time.monotonic()
-    for one in told:
-        one.due = now + random.uniform(0.0, LATEST_S)
-    return watch(told, lambda: ros.executor.spin_once(timeout_sec=0.005))
+    return watch(told, random, lambda: ros.executor.spin_once(timeout_sec=0.005))

@@ -225,12 +225,11 @@ def test_open_page_recovers_after_studio_is_killed(
 @pytest.mark.parametrize("language", ["en-US@posix", "C", "", "xx-invalid", "de-DE", "ar-EG"])
 def test_the_page_opens_in_any_language(browser: Browser, system: System, language: str) -> None:
     getter = f"{{get: () => {json.dumps(language)}}}"
-    page = browser.new_context().new_page()
-    page.add_init_script(f"Object.defineProperty(Navigator.prototype, 'language', {getter})")
-    page.goto(system.address)
-    expect(page.locator(".phase")).to_have_text("connected", timeout=LIMIT_MS)
-    expect(page.get_by_label("Mood").locator("canvas")).to_be_in_viewport()
-    page.context.close()
+    with opened_page(browser, "about:blank") as page:
+        page.add_init_script(f"Object.defineProperty(Navigator.prototype, 'language', {getter})")
+        page.goto(system.address)
+        expect(page.locator(".phase")).to_have_text("connected")
+        expect(page.get_by_label("Mood").locator("canvas")).to_be_in_viewport()
 
 
 def test_failing_panel_reports_error_and_spares_others(browser: Browser, system: System) -> None:

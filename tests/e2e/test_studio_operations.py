@@ -172,12 +172,9 @@ EMPTY = {
 @pytest.mark.parametrize("name", EMPTY)
 def test_empty_page_says_what_is_missing(browser: Browser, name: str) -> None:
     with background_studio() as fresh:
-        context = browser.new_context()
-        stranger = context.new_page()
-        stranger.goto(fresh.address.partition("#")[0] + name)
-        expect(stranger.get_by_role("main")).to_contain_text("Not signed in")
-        expect(stranger.get_by_text(EMPTY[name])).to_have_count(0)
-        context.close()
+        with opened_page(browser, fresh.address.partition("#")[0] + name) as stranger:
+            expect(stranger.get_by_role("main")).to_contain_text("Not signed in")
+            expect(stranger.get_by_text(EMPTY[name])).to_have_count(0)
         with opened_page(browser, fresh.address_for(SessionRole.OPERATE, name)) as page:
             main = page.get_by_role("main")
             expect(main.get_by_text("No system is running here").first).to_be_in_viewport()

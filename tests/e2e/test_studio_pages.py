@@ -14,13 +14,13 @@ from playwright.sync_api import Browser, Page, expect
 from bt_agents_lab.recorder.reading import JournalReader
 from checkout import ROOT
 from studio_browser import (
-    LIMIT_MS,
     System,
     announce,
     box,
     enter,
     open_page,
     open_values,
+    opened_page,
     running_system,
     serve,
     stop,
@@ -227,28 +227,25 @@ def test_concurrent_edits_warn_page_and_lose_nothing(
     page: Page, browser: Browser, system: System
 ) -> None:
     name = "#tunable-asker-patience"
-    other = browser.new_context().new_page()
-    other.goto(system.address)
-    expect(other.locator(".phase")).to_have_text("connected", timeout=LIMIT_MS)
-    for one in (page, other):
-        open_values(one, "asker")
-    page.locator(name).fill("30")
-    enter(other.locator(name), "40")
-    told = page.get_by_role("main").get_by_role("alert")
-    expect(told).to_contain_text("It has changed meanwhile: 60 → 40 by studio")
-    page.locator(name).press("Enter")
-    expect(page.locator(name)).to_have_value("30")
-    expect(other.locator(name)).to_have_value("40")
-    told.get_by_role("button", name="Set mine (30)").click()
-    expect(other.locator(name)).to_have_value("30")
-    expect(page.get_by_label("Changes")).to_contain_text("40 s → 30 s")
-    page.get_by_label("Changes").get_by_role("button", name="Undo").click()
-    expect(other.locator(name)).to_have_value("40")
-    page.get_by_label("asker", exact=True).get_by_role(
-        "button", name="As in the file"
-    ).first.click()
-    expect(other.locator(name)).to_have_value("60")
-    other.context.close()
+    with opened_page(browser, system.address) as other:
+        for one in (page, other):
+            open_values(one, "asker")
+        page.locator(name).fill("30")
+        enter(other.locator(name), "40")
+        told = page.get_by_role("main").get_by_role("alert")
+        expect(told).to_contain_text("It has changed meanwhile: 60 → 40 by studio")
+        page.locator(name).press("Enter")
+        expect(page.locator(name)).to_have_value("30")
+        expect(other.locator(name)).to_have_value("40")
+        told.get_by_role("button", name="Set mine (30)").click()
+        expect(other.locator(name)).to_have_value("30")
+        expect(page.get_by_label("Changes")).to_contain_text("40 s → 30 s")
+        page.get_by_label("Changes").get_by_role("button", name="Undo").click()
+        expect(other.locator(name)).to_have_value("40")
+        page.get_by_label("asker", exact=True).get_by_role(
+            "button", name="As in the file"
+        ).first.click()
+        expect(other.locator(name)).to_have_value("60")
 
 
 def test_frozen_learning_rate_differs_from_the_file(page: Page) -> None:

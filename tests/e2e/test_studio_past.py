@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
-from studio_browser import box, wait_for
+from studio_browser import box, opened_page, wait_for
 from studio_harness import BackgroundStudio
 
 pytestmark = pytest.mark.e2e
@@ -63,23 +63,21 @@ def test_quick_clicks_ask_for_one_moment_at_once(
     browser: Browser, studio: BackgroundStudio
 ) -> None:
     held = Held()
-    context = browser.new_context(viewport={"width": 1280, "height": 800})
-    page = context.new_page()
-    page.route_web_socket("**/api/socket", held.route)
-    page.goto(studio.address)
-    page.wait_for_function(
-        "() => { const lanes = document.querySelector('.timeline-lanes'); "
-        "return Number(lanes?.ariaValueMax) - Number(lanes?.ariaValueMin) > 2; }"
-    )
-    first, last = (click_along(page) for _ in range(2))
-    held.until(page, 1)
-    assert len(held.asked) == 1
-    held.release()
-    held.until(page, 1)
-    assert len(held.asked) == 2
-    assert held.asked[1] == pytest.approx(last, abs=0.01)
-    assert held.asked[0] < min(first, last)
-    held.release()
-    page.get_by_role("button", name="Back to now").click()
-    expect(page.get_by_role("button", name="Back to now")).to_have_count(0)
-    context.close()
+    with opened_page(browser, "about:blank") as page:
+        page.route_web_socket("**/api/socket", held.route)
+        page.goto(studio.address)
+        page.wait_for_function(
+            "() => { const lanes = document.querySelector('.timeline-lanes'); "
+            "return Number(lanes?.ariaValueMax) - Number(lanes?.ariaValueMin) > 2; }"
+        )
+        first, last = (click_along(page) for _ in range(2))
+        held.until(page, 1)
+        assert len(held.asked) == 1
+        held.release()
+        held.until(page, 1)
+        assert len(held.asked) == 2
+        assert held.asked[1] == pytest.approx(last, abs=0.01)
+        assert held.asked[0] < min(first, last)
+        held.release()
+        page.get_by_role("button", name="Back to now").click()
+        expect(page.get_by_role("button", name="Back to now")).to_have_count(0)
