@@ -117,15 +117,15 @@ def test_visitor_gets_code_of_reachable_studio_only(page: Page, studio: Backgrou
 
 def test_viewer_sees_why_controls_are_disabled(browser: Browser, studio: BackgroundStudio) -> None:
     with opened_page(browser, studio.address_for(SessionRole.VIEW)) as page:
+        open_page(page, "Market")
+        strategy = page.get_by_label("Strategy", exact=True)
+        expect(strategy).to_contain_text("the nearest")
+        expect(strategy.get_by_label("Ranks the bids")).to_be_disabled()
         for name, labels in CHANGING.items():
             open_page(page, name.capitalize())
             expect(page.get_by_text("This link is for viewing only").first).to_be_in_viewport()
             for label in labels:
                 expect(page.get_by_role("button", name=label, exact=True).first).to_be_disabled()
-        open_page(page, "Market")
-        strategy = page.get_by_label("Strategy", exact=True)
-        expect(strategy).to_contain_text("the nearest")
-        expect(strategy.get_by_label("Ranks the bids")).to_be_disabled()
 
 
 def test_operator_is_told_that_files_stay(page: Page) -> None:
