@@ -107,35 +107,12 @@ def test_interrupted_retry_counts_from_zero() -> None:
     assert len(harness.asked) == 3
 
 
-def test_cancel_during_pause_ends_run_immediately() -> None:
-    harness = started("drive: x\nretry: {attempts: 9, pause: 1 h}", answers={"drive": FAILS})
-    harness.run.cancel("enough")
-    assert harness.outcome == "cancelled"
-
-
-def test_repeat_pauses_only_between_rounds() -> None:
-    #  t | say | repeat
-    #  0 |  S  |   R
-    #  5 |  S  |   R
-    # 10 |  S  |   S
-    harness = TreeHarness("say: x\nrepeat: {times: 3, pause: 5 s}")
-    assert (harness.outcomes(0, 4.9), len(harness.said)) == ("RR", 1)
-    assert (harness.outcomes(0.1, 4.9), len(harness.said)) == ("RR", 2)
-    assert (harness.after(0.1), len(harness.said)) == ("succeeded", 3)
-
-
 def test_until_is_evaluated_after_success_and_after_pause() -> None:
     harness = TreeHarness("say: x\nrepeat: {until: live.mood >= 4, pause: 1 s}")
     assert harness.tick(3, step_s=1.0) == "running"
     harness.set_mood(5.0)
     assert harness.outcomes(0, 1) == "RS"
     assert len(harness.said) == 3
-
-
-def test_until_without_pause_is_evaluated_before_next_round() -> None:
-    harness = started("say: x\nrepeat: {until: live.mood >= 4}")
-    harness.set_mood(5.0)
-    assert (harness.tick(), len(harness.said)) == ("succeeded", 1)
 
 
 @pytest.mark.parametrize(("until", "rounds"), [("scene.age == 3", 1), ("live.mood > 4", 3)])

@@ -91,20 +91,6 @@ def test_interrupted_subtree_returns_no_outputs() -> None:
     assert "word" not in harness.run._context.scope.blackboard
 
 
-def test_caller_sees_outputs_only_at_subtree_end() -> None:
-    harness = started(
-        """
-        sequence:
-          - set: {word: old}
-          - parallel: [{subtree: one}, {sequence: [{wait: 1 s}, {say: "${word}"}]}]
-          - say: ${word}
-        """,
-        head=one("{sequence: [{set: {word: new}}, {wait: 5 s}]}", "outputs: {word: text}, "),
-    )
-    assert (harness.after(1.0), harness.said) == ("running", ["old"])
-    assert (harness.after(4.0), harness.said) == ("succeeded", ["old", "new"])
-
-
 def test_running_subtree_sees_changed_inputs() -> None:
     head = """
     tunables: {t: {default: 9 s, min: 0 s, max: 60 s, description: d}}
