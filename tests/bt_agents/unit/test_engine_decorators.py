@@ -7,11 +7,9 @@ import importlib
 import itertools
 import pkgutil
 import re
-from pathlib import Path
 
 import pytest
 
-from bt_agents.engine import builder
 from bt_agents.engine import nodes as behaviours
 from bt_agents.engine.builder import BEHAVIOURS
 from bt_agents.engine.scripted_environment import ScriptedReply
@@ -36,16 +34,6 @@ def test_no_two_node_modules_share_a_key() -> None:
         for key in importlib.import_module(f"{behaviours.__name__}.{module.name}").BEHAVIOURS
     ]
     assert sorted(named) == sorted(BEHAVIOURS)
-
-
-def test_node_module_is_discovered_without_registration(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "blink.py").write_text(
-        "from bt_agents.engine.nodes.log import Log\nBEHAVIOURS = {'blink': Log}\n"
-    )
-    monkeypatch.setattr(behaviours, "__path__", [*behaviours.__path__, str(tmp_path)])
-    assert set(builder.find_behaviours()) == {*BEHAVIOURS, "blink"}
 
 
 WRITTEN = {
@@ -126,14 +114,6 @@ def test_while_ends_in_same_tick_as_its_node() -> None:
     assert harness.after(1.0) == "succeeded"
 
 
-def test_while_guards_retry_pause() -> None:
-    harness = started(
-        "say: x\nretry: {attempts: 3, pause: 9 s}\nwhile: live.mood >= 2", answers={"say": FAILS}
-    )
-    harness.set_mood(1.0)
-    assert (harness.after(1.0), len(harness.said)) == ("failed", 1)
-
-
 def test_failed_while_starts_afresh() -> None:
     harness = started(
         "repeat: forever\nsequence: [{say: x, while: live.mood >= 2, succeed: true}]",
@@ -152,16 +132,6 @@ def test_when_is_reevaluated_after_interruption() -> None:
     harness.interrupt()
     harness.set_mood(1.0)
     assert (harness.tick(), len(harness.said)) == ("succeeded", 1)
-
-
-def test_skipped_node_drops_its_earlier_status() -> None:
-    head = "subtrees: {hi: {tree: {say: x, once: true}}}"
-    harness = TreeHarness("subtree: hi\nrepeat: 2", head=head)
-    assert harness.tick() == "running"
-    assert harness.status("tree/hi") == "SUCCESS"
-    assert harness.tick() == "succeeded"
-    assert harness.status("tree/hi") == "INVALID"
-    assert harness.status("tree/hi@once") == "SUCCESS"
 
 
 def test_blocked_while_does_not_report_an_earlier_reason() -> None:
@@ -204,12 +174,6 @@ def test_cooldown_skips_node_for_its_duration() -> None:
     assert len(harness.said) == 1
     harness.after(0.1)
     assert len(harness.said) == 2
-
-
-def test_selector_moves_past_cooling_child() -> None:
-    harness = TreeHarness("repeat: 2\nselector: [{say: first, cooldown: 5 s}, {say: second}]")
-    assert harness.tick(2) == "succeeded"
-    assert harness.said == ["first", "second"]
 
 
 def test_zero_cooldown_skips_nothing_and_is_tunable() -> None:
