@@ -6,15 +6,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from itertools import product
 from random import Random
 
 import pytest
 from py_trees import decorators, display, idioms, trees, visitors
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Failure, Running, StatusQueue, Success, SuccessEveryN, TickCounter
-from py_trees.common import OneShotPolicy, ParallelPolicy, Status
-from py_trees.composites import Parallel, Selector, Sequence
+from py_trees.common import OneShotPolicy, Status
 
 import tree_harness
 from bt_agents.engine.nodes import plugin
@@ -38,31 +36,8 @@ LEAVES: Mapping[str, tuple[Callable[[], Behaviour], str]] = {
         "sequence: [set: {n: '${n else 0 + 1}'}, check: n % 3 == 0]\nretry: forever",
     ),
 }
-COMPOSITES: Mapping[str, tuple[Callable[[list[Behaviour]], Behaviour], str]] = {
-    "sequence": (lambda both: Sequence("x", True, both), "sequence: [{}]"),
-    "sequence without memory": (
-        lambda both: Sequence("x", False, both),
-        "sequence: {{memory: false, children: [{}]}}",
-    ),
-    "selector": (lambda both: Selector("x", True, both), "selector: [{}]"),
-    "selector without memory": (
-        lambda both: Selector("x", False, both),
-        "selector: {{memory: false, children: [{}]}}",
-    ),
-    "all": (
-        lambda both: Parallel("x", ParallelPolicy.SuccessOnAll(synchronise=True), both),
-        "parallel: {{succeed_on: all, children: [{}]}}",
-    ),
-    "selected": (
-        lambda both: Parallel("x", ParallelPolicy.SuccessOnSelected([both[1]]), both),
-        "parallel: {{succeed_on: [second], children: [{}]}}",
-    ),
-}
 DECORATORS: Mapping[str, tuple[Callable[[str, Behaviour], Behaviour], str]] = {
     "pass through": (decorators.PassThrough, ""),
-    "inverter": (decorators.Inverter, "invert: true"),
-    "failure is success": (decorators.FailureIsSuccess, "succeed: true"),
-    "success is failure": (decorators.SuccessIsFailure, "fail: true"),
     "failure is running": (decorators.FailureIsRunning, "retry: forever"),
     "success is running": (decorators.SuccessIsRunning, "repeat: forever"),
     "running is failure": (decorators.RunningIsFailure, "timeout: 0 s"),
@@ -71,8 +46,6 @@ DECORATORS: Mapping[str, tuple[Callable[[str, Behaviour], Behaviour], str]] = {
         partial(decorators.Condition, status=Status.FAILURE),
         "repeat: forever\nsucceed: true",
     ),
-    "retry": (partial(decorators.Retry, num_failures=2), "retry: 2"),
-    "repeat": (partial(decorators.Repeat, num_success=2), "repeat: 2"),
 }
 
 
@@ -114,16 +87,6 @@ def ticks_of_words(harness: TreeHarness) -> str:
 def test_words_for_leaves_tick_alike(name: str) -> None:
     leaf, words = LEAVES[name]
     assert ticks_of_words(TreeHarness(words)) == ticks_of(leaf())
-
-
-@pytest.mark.parametrize("name", COMPOSITES)
-def test_words_for_composites_tick_alike(name: str) -> None:
-    around, words = COMPOSITES[name]
-    for first, second in product(QUEUES, QUEUES):
-        children = f"{{queue: {first}, name: first}}, {{queue: {second}, name: second}}"
-        harness = TreeHarness(words.format(children))
-        theirs = around([Queue("first", first), Queue("second", second)])
-        assert ticks_of_words(harness) == ticks_of(theirs), (first, second)
 
 
 @pytest.mark.parametrize("queue", QUEUES)
