@@ -321,29 +321,6 @@ def test_sent_unconfirmed_goal_is_an_orphan(
     assert (harness.outcome, harness.result.orphans) == ("failed", orphans)
 
 
-FOLLOWED = """
-parallel:
-  - action:
-      name: dance
-      type: bt_agents_interfaces/action/Say
-      outputs: {done: feedback.progress, words: message}
-  - sequence: [{wait_for: done > 0.4}, {say: "half: ${done}"}]
-"""
-
-
-def test_action_feedback_updates_outputs_during_action() -> None:
-    told = ((1.0, {"progress": 0.1}), (2.0, {"progress": 0.5}), (3.0, {"progress": 0.9}))
-    harness = started(FOLLOWED, answers={"dance": [ScriptedReply(after_s=5.0, feedback=told)]})
-    assert harness.reports("tree/1.sequence/0.wait_for") == [
-        ("RUNNING", "'done' has no value yet")
-    ]
-    harness.after(1.0)
-    assert harness.said == []
-    harness.outcomes(1, 0)
-    assert harness.said == ["half: 0.5"]
-    assert harness.after(3.0) == "succeeded"
-
-
 def test_outputs_include_last_feedback_at_action_end() -> None:
     action = "name: dance, type: bt_agents_interfaces/action/Say, outputs: {n: feedback.progress}"
     tree = f"sequence: [{{action: {{{action}}}}}, {{say: '${{n}}'}}]"
