@@ -6,9 +6,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -70,28 +67,6 @@ def test_stored_value_keeps_its_type(path, value):
     store(path, tuned(value, default=""))
     found = in_force(path)
     assert (found, type(found)) == (value, type(value))
-
-
-def test_change_survives_a_killed_process(path):
-    program = (
-        "import os, signal, sys\n"
-        "from pathlib import Path\n"
-        "from test_tuning_files import ChangeLog, Disk, tuned\n"
-        "log = ChangeLog(Path(sys.argv[1]), Disk(at_once=False))\n"
-        "log.write(tuned(12.0))\n"
-        "os.kill(os.getpid(), signal.SIGKILL)\n"
-    )
-    folders = [str(Path(__file__).parent), str(Path(__file__).parents[2] / "harness")]
-    killed = subprocess.run(
-        [sys.executable, "-c", program, str(path)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(folders)},
-        timeout=60,
-        check=False,
-    )
-    assert killed.returncode == -signal.SIGKILL
-    again = ChangeLog(path, Disk())
-    assert again.history.overrides["a.x"].value == 12.0
-    again.close()
 
 
 @pytest.mark.parametrize("torn", [b"", b'{"format":1,"revi', b"\0" * 500])
