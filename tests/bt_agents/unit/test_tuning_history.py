@@ -10,17 +10,6 @@ from bt_agents_core.errors import Refused
 from tuning_desk import Desk
 
 
-def test_undo_restores_value_as_a_new_revision():
-    desk = Desk({"a.x": 1})
-    desk.set({"a.x": 2})
-    assert desk.undo() == 1
-    assert desk.values == {"a.x": 1}
-    assert desk.history.revision == 2
-    assert [(r.number, c.before, c.after) for r in desk.history.shown for c in r.changes] == [
-        (1, 1, 2), (2, 2, 1),
-    ]  # fmt: skip
-
-
 def test_new_change_clears_redo():
     desk = Desk({"a.x": 1, "b.x": 1})
     desk.set({"a.x": 2})
