@@ -80,19 +80,6 @@ def test_cancel_while_settling_keeps_the_outcome(
     assert harness.said == ["x"]
 
 
-def test_run_waits_for_pending_goal_to_be_cancelled() -> None:
-    harness = started(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
-    harness.run.cancel("enough")
-    assert harness.outcomes(0.9, 0.1) == "RC"
-    assert harness.result.orphans == ()
-
-
-def test_endless_goal_is_an_orphan_of_its_node() -> None:
-    harness = cancelled(CLEAN_UP, STUBBORN)
-    assert harness.outcomes(0, 3, 2) == "RRC"
-    assert harness.result.orphans == ("tree/0.say", "on_cancel")
-
-
 def test_host_cancel_can_skip_cleanup() -> None:
     harness = started(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
     harness.run.cancel("the host is stopping", clean_up=False)
