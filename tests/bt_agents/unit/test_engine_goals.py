@@ -295,15 +295,6 @@ def test_long_server_message_is_truncated() -> None:
     assert len(harness.message) < 400
 
 
-def test_run_settles_timed_out_goal_before_ending() -> None:
-    stubborn = ScriptedReply(after_s=99.0, cancel_s=1.0)
-    harness = started(RAW, answers={"dance": [stubborn]})
-    assert harness.after(60.0) == "running"
-    assert harness.environment.running() == ["dance"]
-    assert harness.after(1.0) == "failed"
-    assert harness.result.orphans == ()
-
-
 @pytest.mark.parametrize(
     ("reply", "orphans"),
     [
