@@ -127,13 +127,6 @@ def test_failed_while_starts_afresh() -> None:
     assert (len(harness.said), harness.environment.running()) == (2, ["say"])
 
 
-def test_when_is_reevaluated_after_interruption() -> None:
-    harness = started("say: x\nwhen: live.mood >= 2", answers={"say": LONG})
-    harness.interrupt()
-    harness.set_mood(1.0)
-    assert (harness.tick(), len(harness.said)) == ("succeeded", 1)
-
-
 def test_blocked_while_does_not_report_an_earlier_reason() -> None:
     head = "subtrees: {go: {tree: {drive: x, while: live.mood >= 2}}}"
     harness = TreeHarness("subtree: go\nretry: 2", head=head, answers={"drive": FAILS})
