@@ -177,25 +177,6 @@ def test_blackboard_keys_map_to_names_and_are_removed() -> None:
     assert not harness.environment.logged
 
 
-def test_remapped_blackboard_key_is_removed() -> None:
-    class Renamer(Nod):
-        def __init__(self, name: str) -> None:
-            super().__init__(name)
-            self.board = self.attach_blackboard_client(name="renamer")
-            self.board.register_key("goal", py_trees.common.Access.READ, remap_to="/renamed")
-            self.board.register_key("/renamed", py_trees.common.Access.WRITE)
-            self.board.set("/renamed", 5)
-
-        def update(self) -> Status:
-            assert self.board.goal == 5
-            return Status.SUCCESS
-
-    harness = TreeHarness(plugged(Renamer))
-    assert harness.tick() == "succeeded"
-    assert not harness.environment.logged
-    assert_unregistered("/renamed", "renamer")
-
-
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "shutdown"])
 def test_unattached_blackboard_client_is_removed(place: str) -> None:
     harness = TreeHarness(plugged(registering(place)))
