@@ -29,13 +29,6 @@ def declined(registry: AgentRegistry, **values: float) -> dict[str, str]:
     return {name: decline.reason for name, decline in answer.declined.items()}
 
 
-def test_agent_bids_when_its_requirement_holds():
-    registry = registered(agent("say: x", "requires: scene.age >= 3"))
-    assert declined(registry, age=3) == {}
-    assert declined(registry, age=2) == {"a": "needs scene.age >= 3"}
-    assert declined(registry) == {"a": "needs scene.age >= 3, but scene.age is missing"}
-
-
 def test_night_agent_bids_only_at_night():
     registry = registered(agent("say: x", "requires: clock.hour >= 22"))
 

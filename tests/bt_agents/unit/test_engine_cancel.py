@@ -131,12 +131,12 @@ def test_give_up_ends_run_whose_nodes_cannot_halt(monkeypatch: pytest.MonkeyPatc
     assert result.orphans == ("tree/0.say",)
 
 
-def slowed(*steps: float, period_s: float = 0.1) -> TreeHarness:
+def slowed(*steps: float) -> TreeHarness:
     """Return a run after one tick, in which each reading of the clock advances it by a step."""
     harness = TreeHarness(SPEAKS, answers={"show": [LONG]})
     now = accumulate(chain(steps, repeat(0.0)))
     harness.run._steady = lambda: next(now)
-    harness.run.period_s = period_s
+    harness.run.period_s = 0.1
     harness.tick()
     return harness
 
@@ -161,12 +161,6 @@ def test_tick_overrun_names_the_slowest_node(
     assert harness.run.overrun is None
     harness.run.cancel("enough")
     assert harness.result.overruns == 1
-
-
-def test_run_without_period_has_no_overruns() -> None:
-    harness = slowed(0.0, 100.0, 0.0, 100.0, period_s=math.inf)
-    harness.run.cancel("enough")
-    assert harness.result.overruns == 0
 
 
 TELLS_WHY = (

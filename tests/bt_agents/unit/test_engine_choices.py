@@ -166,9 +166,3 @@ def test_retry_uses_another_variant() -> None:
     texts = said("{invert: true, retry: 4, say: {one_of: [Well?, Shall we?]}}", 0)
     assert len(texts) == 4
     assert texts[0] == texts[2] != texts[1] == texts[3]
-
-
-@pytest.mark.parametrize("count", [2, 5])
-def test_pick_excludes_the_last_variant(count: int) -> None:
-    context = TreeHarness("wait: 1 s", random=Random(2)).run._context
-    assert {context.pick("tree", count, 1) for _ in range(99)} == {*range(count)} - {1}

@@ -104,22 +104,6 @@ def test_running_subtree_sees_changed_inputs() -> None:
     assert harness.tick() == "succeeded"
 
 
-def test_concurrent_subtree_calls_do_not_share_names() -> None:
-    harness = TreeHarness(
-        """
-        parallel:
-          - {subtree: one, with: {word: first, rest: 2 s}}
-          - {subtree: one, with: {word: second, rest: 1 s}}
-        """,
-        head=one(
-            "{sequence: [{set: {mine: '${word}'}}, {wait: '${rest}'}, {say: '${mine}'}]}",
-            "inputs: {word: text, rest: duration}, ",
-        ),
-    )
-    assert harness.tick(3, step_s=1.0) == "succeeded"
-    assert harness.said == ["second", "first"]
-
-
 def test_once_in_subtree_counts_per_call_site() -> None:
     tree = "repeat: 2\nsequence: [{subtree: one}, {subtree: one}]"
     harness = TreeHarness(tree, head=one("{say: Hi., once: true}"))
