@@ -11,7 +11,7 @@ from random import Random
 import pytest
 from py_trees import decorators, display, idioms, trees, visitors
 from py_trees.behaviour import Behaviour
-from py_trees.behaviours import Failure, Running, StatusQueue, Success, SuccessEveryN, TickCounter
+from py_trees.behaviours import StatusQueue, SuccessEveryN, TickCounter
 from py_trees.common import OneShotPolicy, Status
 
 import tree_harness
@@ -23,9 +23,6 @@ from tree_harness import TreeHarness
 STATUSES = {"R": Status.RUNNING, "S": Status.SUCCESS, "F": Status.FAILURE}
 QUEUES = ("RSFRS", "RFSRS", "FFRS", "SSRF", "RRRR", "S", "F")
 LEAVES: Mapping[str, tuple[Callable[[], Behaviour], str]] = {
-    "success": (lambda: Success("x"), "check: true"),
-    "failure": (lambda: Failure("x"), "check: false"),
-    "running": (lambda: Running("x"), "wait_for: false"),
     "counter": (lambda: TickCounter("x", 3, Status.SUCCESS), "check: true\nrepeat: 4"),
     "failing counter": (
         lambda: TickCounter("x", 3, Status.FAILURE),
