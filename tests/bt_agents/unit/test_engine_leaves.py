@@ -100,20 +100,6 @@ def test_direct_feedback_refuses_impossible_values(
     assert harness.environment.feedback_given == []
 
 
-def test_values_are_computed_on_demand() -> None:
-    say = "{text: '${count * 2} steps, at most ${max(steps, 5)}.', rate: '${steps / 4}'}"
-    tree = f"sequence: [{{set: {{count: '${{steps + 1}}'}}}}, {{say: {say}}}]"
-    harness = started(tree, head=TUNABLES)
-    assert harness.said == ["8 steps, at most 5."]
-    assert harness.environment.goals[-1].goal.fields["rate"] == 0.75
-
-
-def test_uncomputable_value_fails_with_message() -> None:
-    message = failure("say: '${1 / live.mood}'", awarded=scene(mood=0))
-    assert "by zero" in message
-    assert "(tree, a.yaml:" in message
-
-
 def test_quantities_in_text_are_spoken_with_units() -> None:
     harness = started("say: I wait ${patience}, in ${steps} steps.\nrepeat: 2", head=TUNABLES)
     harness.tunables["patience"] = 0.25
@@ -169,7 +155,6 @@ def test_output_is_renamed_and_extracted_from_json_text(
         ("scene.person and truth", " (scene.person is true, truth is false)"),
         ("long == 'x'", f" (long is '{'a' * 39}…')"),
         ("third > 9 and live.age > 1", " (third is 3.333, live.age has no value)"),
-        ("large == 1", " (large is 1e+300)"),
         ("1 > 2", ""),
         (
             "scene.mood + third + large + live.mood + scene.familiarity < 0",

@@ -91,11 +91,6 @@ def test_constantly_changing_file_is_read_eventually(folder, watch):
     assert found[-1] is not None
 
 
-def test_requested_poll_skips_settling(folder, watch):
-    write(folder, "bob", agent("bob", "{say: bye}"))
-    assert watch.poll(settle=False) is not None
-
-
 def test_editor_renames_and_swap_files_are_handled(folder, trees, watch):
     for name, text in ((".bob.yaml.swp", "["), ("bob.yaml~", "["), ("4913", "")):
         (folder / "agents" / name).write_text(text)
