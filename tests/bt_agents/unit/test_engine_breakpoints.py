@@ -84,6 +84,12 @@ def test_interrupted_node_without_breakpoint_starts_once() -> None:
     assert harness.said == ["hello"]
 
 
+def test_removing_breakpoint_releases_held_node() -> None:
+    harness = held("sequence: [{say: one}, {say: two}]", "tree/0.say", "tree/1.say")
+    harness.run.set_breakpoints(())
+    assert (harness.tick(), harness.said) == ("succeeded", ["one", "two"])
+
+
 def test_breakpoint_set_during_run_takes_effect() -> None:
     harness = started("sequence: [{say: one}, {say: two}]", answers=LONG)
     harness.run.set_breakpoints(("tree/1.say",))

@@ -114,19 +114,6 @@ def test_while_ends_in_same_tick_as_its_node() -> None:
     assert harness.after(1.0) == "succeeded"
 
 
-def test_failed_while_starts_afresh() -> None:
-    harness = started(
-        "repeat: forever\nsequence: [{say: x, while: live.mood >= 2, succeed: true}]",
-        answers={"say": LONG},
-    )
-    harness.set_mood(1.0)
-    harness.tick(3)
-    assert len(harness.said) == 1
-    harness.set_mood(3.0)
-    harness.tick()
-    assert (len(harness.said), harness.environment.running()) == (2, ["say"])
-
-
 def test_blocked_while_does_not_report_an_earlier_reason() -> None:
     head = "subtrees: {go: {tree: {drive: x, while: live.mood >= 2}}}"
     harness = TreeHarness("subtree: go\nretry: 2", head=head, answers={"drive": FAILS})
