@@ -180,6 +180,7 @@ def test_next_answer_reflects_every_agent_change():
     registry.member("b").removal_reason = "its file is gone"
     assert bid() == []
     registry.member("b").removal_reason = ""
+    assert bid() == ["b", 8, 3.0, 3.0, 3.0]
     registry.member("b").spec = replace(agent("say: x", "weights: {age: 2}"), name="b")
     weights = [2.0, *(parameter.weight for parameter in SPACE.parameters[1:])]
     assert list(registry.bids_for(anna).bidders.weights) == weights
