@@ -101,10 +101,12 @@ def test_direct_feedback_refuses_impossible_values(
 
 
 def test_quantities_in_text_are_spoken_with_units() -> None:
-    harness = started("say: I wait ${patience}, in ${steps} steps.\nrepeat: 2", head=TUNABLES)
+    harness = started(
+        "say: I wait ${patience}, in ${max(steps, 5)} steps.\nrepeat: 2", head=TUNABLES
+    )
     harness.tunables["patience"] = 0.25
     harness.tick()
-    assert harness.said == ["I wait 1.5 min, in 3 steps.", "I wait 250 ms, in 3 steps."]
+    assert harness.said == ["I wait 1.5 min, in 5 steps.", "I wait 250 ms, in 5 steps."]
 
 
 def test_booleans_and_lists_are_spoken_as_words() -> None:
