@@ -440,16 +440,11 @@ def test_files_of_one_host_leave_those_of_another(shown: Shown) -> None:
     ("when", "changes"),
     [
         ("mood.change >= 0.5", (0.5,)),
-        ("mood.change <= -1.25", (-1.25,)),
         ("abs(mood.change) > 1", (-1.0, 1.0)),
-        ("mood.change > 0", (0.0,)),
         ("mood.change >= 0.5 and scene.age > 3", ()),
         ("mood.change < 1", ()),
         ("1 / mood.change > 2", ()),
-        ("mood.change + 1", ()),
         ("mood.change <=", ()),
-        ("live.mood < 3", ()),
-        ("", ()),
         ("mood.change >= 0.5" + " or mood.change >= 0.5" * 10, ()),
     ],
 )
