@@ -19,21 +19,16 @@ def condition(script: str) -> str:
     ("script", "expression"),
     [
         ("a && b || !c", "a and b or not c"),
-        ("a && (b || c)", "a and (b or c)"),
-        ("!(a == b)", "not a == b"),
         ("!a == b", "(not a) == b"),
         ("1 < x < 5", "1 < x and x < 5"),
-        ("x == 'it'", "x == 'it'"),
         ("""x == 'say "hi"'""", """x == 'say "hi"'"""),
         ("""x == "it's" """, """x == "it's\""""),
         ("-x + 2 * (y - 1) / 4 >= 0.5", "-x + 2 * (y - 1) / 4 >= 0.5"),
-        ("a - (b - c) > 0", "a - (b - c) > 0"),
         ("a ? b : c", "a and b or not a and c"),
         ("x", "x"),
         ("x - 3", "x - 3 != 0"),
         ("1", "true"),
         ("0x1F == n", "31 == n"),
-        ("true", "true"),
     ],
 )  # fmt: skip
 def test_query_script_becomes_condition(script, expression):
@@ -47,7 +42,6 @@ def test_query_script_becomes_condition(script, expression):
         ("~x > 1", "no operator '~'"),
         ("'a' .. b == 'ab'", "no operator '..'"),
         ("x := 1", "cannot give names values"),
-        ("""x == 'both " and' .. ''""", "no operator '..'"),
     ],
 )
 def test_untranslatable_script_is_reported_with_reason(script, reason):
@@ -61,7 +55,6 @@ def test_untranslatable_script_is_reported_with_reason(script, reason):
         ("", 0, "there is no script"),
         ("x :=", 4, "ends where a value is expected"),
         ("x == 'a", 5, "quotation mark is not closed"),
-        ('x == "a', 5, "quotation mark is not closed"),
         ("(a", 0, "is not closed"),
         ("a b", 2, "an operator is expected before 'b'"),
         ("3 := 4", 0, "only a name can stand before ':='"),
@@ -87,16 +80,10 @@ def test_semicolons_between_assignments_are_optional():
 @pytest.mark.parametrize(
     ("expression", "script"),
     [
-        ("not a == b", "!(a == b)"),
-        ("a and b or c", "a && b || c"),
-        ("scene.age >= 4", "scene__age >= 4"),
         ("clock.hour >= 22", "clock__hour >= 22"),
         ("a between 1 and 2", "1 <= a && a <= 2"),
         ("a in ['y', 'x']", "a == 'y' || a == 'x'"),
         ("a not in [1]", "!(a == 1)"),
-        ("-3 < a", "-3 < a"),
-        ('a == "x"', "a == 'x'"),
-        ("not not a", "!!a"),
         ("""a == "it's" """, """a == "it's\""""),
     ],
 )
