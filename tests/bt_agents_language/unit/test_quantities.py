@@ -33,20 +33,13 @@ angle = partial(quantity, field_type=FieldType.ANGLE)
         (duration, "2", 2.0),
         (duration, "1e2 s", 100.0),
         (duration, " 3 s ", 3.0),
-        (length, "1.5 m", 1.5),
         (length, "150 cm", 1.5),
         (length, "7 mm", 0.007),
         (length, "2 km", 2000.0),
-        (length, "-2 m", -2.0),
-        (length, "3", 3.0),
-        (angle, "180 deg", math.pi),
-        (angle, "90deg", math.pi / 2),
         (angle, "-45 deg", -math.pi / 4),
         (angle, "0.1", 0.1),
         (number, "1e-3", 0.001),
         (number, "5.", 5.0),
-        (integer, "0", 0),
-        (integer, "-3", -3),
         (integer, "+3", 3),
         (integer, str(2**63 - 1), 2**63 - 1),
     ],
@@ -60,12 +53,10 @@ def test_numbers_and_quantities_are_read_in_si_units(read, text, value):
     [
         (duration, "8 sec", "write 8 s"),
         (duration, "2 Min", "write 2 min"),
-        (duration, "8 S", "write 8 s"),
         (duration, "1:30", "for example 90 s"),
         (duration, "one and a half minutes", "write 1.5 min"),
         (duration, "twenty-five secs.", "write 25 s"),
         (duration, "a minute", "write 1 min"),
-        (duration, "about 5 s", "write 5 s"),
         (duration, "five", "write 5 s"),
         (duration, "5 to 10 s", "write one value, such as 8 s"),
         (duration, "1.5-2 s", "write one value, such as 1.75 s"),
@@ -79,9 +70,7 @@ def test_numbers_and_quantities_are_read_in_si_units(read, text, value):
         (duration, "1e308 h", "finite"),
         (duration, "1e9 h", "shorter"),
         (duration, "5 parsecs", "use ms, s, min or h"),
-        (duration, "s", ""),
         (duration, "", ""),
-        (duration, "soon", ""),
         (duration, "8 s s", ""),
         (duration, "9" * 100_000, ""),
         (number, "010", "write 10"),
@@ -89,14 +78,11 @@ def test_numbers_and_quantities_are_read_in_si_units(read, text, value):
         (number, "-07", "write -7"),
         (number, "1,5", "use a point: 1.5"),
         (number, "1,000", "write 1000, or with a point 1.000"),
-        (number, "1,000,000", "1000000"),
         (number, "1_000", "1000"),
-        (number, "1 000", "1000"),
         (number, "0x10", "decimal"),
         (number, "5 s", "no unit is possible here: write 5"),
         (number, "Infinity", "finite"),
         (number, "1e999", "finite"),
-        (number, "true", ""),
         (number, "１", ""),  # noqa: RUF001
     ],
 )
@@ -113,14 +99,9 @@ def test_invalid_number_or_time_is_rejected_with_hint(read, text, hint):
         (duration, "5 m", "a time such as '8 s', found the length '5 m'", "minutes; m is metres"),
         (duration, "2 M", "found the length '2 M'", "write 2 min for minutes; m is metres"),
         (duration, "90 deg", "found the angle '90 deg'", "use ms, s, min or h"),
-        (length, "5 s", "a length such as '1.5 m', found the time '5 s'", "use mm, cm, m or km"),
         (length, "5 min", "found the time '5 min'", "write 5 m for metres; min is minutes"),
-        (length, "5 meters", "'meters' is not a unit of length", "write 5 m"),
-        (length, "6 ft", "'ft' is not a unit of length", "use mm, cm, m or km"),
         (angle, "1 m", "an angle such as '90 deg', found the length '1 m'", "use deg or rad"),
         (angle, "90°", "'°' is not a unit of angle", "write 90 deg"),
-        (angle, "90 degrees", "'degrees' is not a unit of angle", "write 90 deg"),
-        (length, "far", "expected a length such as '1.5 m', found 'far'", ""),
     ],
 )
 def test_quantity_of_wrong_dimension_is_rejected(read, text, message, hint):
@@ -129,9 +110,7 @@ def test_quantity_of_wrong_dimension_is_rejected(read, text, message, hint):
     assert hint in error.value.hint
 
 
-@pytest.mark.parametrize(
-    "text", ["2.0", "1e3", "010", "1.5", str(2**63), "9" * 100_000, "1e999", "x"]
-)
+@pytest.mark.parametrize("text", ["2.0", "010", "1.5", str(2**63), "9" * 100_000, "1e999", "x"])
 def test_invalid_whole_number_is_rejected(text):
     with pytest.raises(QuantityError):
         integer(text)
@@ -141,11 +120,9 @@ def test_invalid_whole_number_is_rejected(text):
     ("text", "exact", "meant"),
     [
         ("5 s", FieldType.DURATION, FieldType.DURATION),
-        ("1.5 m", FieldType.LENGTH, FieldType.LENGTH),
         ("5 seconds", None, FieldType.DURATION),
         ("90°", None, FieldType.ANGLE),
         ("5", None, None),
-        ("5 apples", None, None),
         ("m", None, None),
         ("5 s later", None, None),
     ],
@@ -168,7 +145,6 @@ def test_clock_times_are_recognised():
         (0.25, FieldType.DURATION, "250 ms"),
         (0.9999, FieldType.DURATION, "1 s"),
         (12.345, FieldType.DURATION, "12.3 s"),
-        (60.0, FieldType.DURATION, "1 min"),
         (90.0, FieldType.DURATION, "1.5 min"),
         (1000.0, FieldType.DURATION, "16.7 min"),
         (86400.0, FieldType.DURATION, "24 h"),
@@ -178,8 +154,6 @@ def test_clock_times_are_recognised():
         (0.007, FieldType.LENGTH, "7 mm"),
         (1234.0, FieldType.LENGTH, "1.23 km"),
         (math.pi / 2, FieldType.ANGLE, "90 deg"),
-        (-math.pi, FieldType.ANGLE, "-180 deg"),
-        (0.0, FieldType.ANGLE, "0 deg"),
         (1e300, FieldType.LENGTH, "1e+297 km"),
         (math.inf, FieldType.DURATION, "inf"),
         (2.0, FieldType.NUMBER, "2"),
