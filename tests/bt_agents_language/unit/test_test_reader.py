@@ -140,6 +140,7 @@ def test_case_holds_positioned_expectations() -> None:
         ("answers: {ask: {gives: a, fails: b}}", "[contradiction]: the answer of 'ask' has"),
         ("answers: {ask: {outputs: {anwser: a}}}", "[unknown-name]: there is no output 'anwser'"),
         ("answers: {ask: {ends: badly}}", "[bad-choice]: 'ends' is 'badly'"),
+        ("answers: {ask: {givs: a}}", "[unknown-key]: the answer of 'ask' has no key 'givs'"),
         ("answers: {ask: []}", "[missing-value]: 'ask' has no answer"),
         ("answers: {tree/8.ask: yes}", "[unknown-path]: no node of the agent that uses a skill"),
         ("answers: {ask: '${answer}'}", "[unknown-name]"),

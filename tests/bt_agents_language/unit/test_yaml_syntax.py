@@ -53,6 +53,11 @@ QUOTE = "quote a text with ': ' in it: \"…: …\""
             "this line is in a list of '-' items, but does not start with '- '",
             "put '- ' in front of it, or indent it if it belongs to the item above",
         ),
+        (
+            "sequence:\n  - say: A.\n  «• say: B.",
+            "'•' cannot start an item of a list",
+            "write '- ', a minus sign and a space",
+        ),
         ("say: «@home", "a text cannot start with '@'", 'quote it: "…"'),
         ("say: «? what", "a text cannot start with '?'", 'quote it: "…"'),
         (
