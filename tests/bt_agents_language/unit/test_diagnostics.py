@@ -18,7 +18,6 @@ from bt_agents_language.diagnostics.renderers import (
     as_annotation,
     as_block,
     as_json,
-    as_line,
     as_text,
     wants_colour,
 )
@@ -62,7 +61,6 @@ class Terminal(io.StringIO):
         (Terminal(), {}, True),
         (Terminal(), {"NO_COLOR": ""}, True),
         (Terminal(), {"NO_COLOR": "1"}, False),
-        (Terminal(), {"NO_COLOR": "false"}, False),
         (Terminal(), {"TERM": "dumb"}, False),
         (io.StringIO(), {}, False),
     ],
@@ -76,10 +74,6 @@ def test_colours_do_not_change_the_text():
     assert re.sub(r"\x1b\[[0-9;]*m", "", dressed) == as_text([problem(), WARNING])
     assert "\x1b[31;1merror[unknown-node]:\x1b[0m" in dressed
     assert "\x1b[33;1mwarning[endless-speech]:\x1b[0m" in dressed
-
-
-def test_warning_is_labelled_as_warning():
-    assert as_line(WARNING) == "a.yaml:9:1: warning[endless-speech]: there is no node 'sya'"
 
 
 @pytest.mark.parametrize("strange", ["\x1b[31m", "\x07", "\n", "\u202e", "\r", "\ud83d"])

@@ -119,14 +119,7 @@ def test_sound_tree_is_not_warned_about(code, tree):
 
 
 @pytest.mark.parametrize(
-    "loop",
-    [
-        "retry: forever",
-        "retry: {attempts: forever, pause: 5 s}",
-        "repeat: forever",
-        "repeat: {until: live.mood > 4}",
-        "repeat: {times: forever, until: live.mood > 4, pause: 1 s}",
-    ],
+    "loop", ["retry: forever", "repeat: forever", "repeat: {until: live.mood > 4}"]
 )
 @pytest.mark.parametrize("speech", ["say: Please clear the way.", "ask: Could you move?"])
 def test_speech_in_endless_loop_is_warned_about(loop, speech):

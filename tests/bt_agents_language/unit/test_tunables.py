@@ -42,10 +42,8 @@ def tunable(text: str) -> Tunable | None:
         ("default: 90, min: 1 s, max: 2 min", FieldType.DURATION, (90.0, 1.0, 120.0, 0)),
         ("default: 1.5 m, min: 50 cm, max: 2", FieldType.LENGTH, (1.5, 0.5, 2.0, 0)),
         ("default: 180 deg, min: 0, max: 7 rad", FieldType.ANGLE, (math.pi, 0.0, 7.0, 0)),
-        ("default: 2 m", FieldType.LENGTH, (2.0, None, None, 0)),
         ("default: true", FieldType.BOOLEAN, (True, None, None, 0)),
         ("default: kitchen", FieldType.TEXT, ("kitchen", None, None, 0)),
-        ('default: ""', FieldType.TEXT, ("", None, None, 0)),
         ('default: "2 m"', FieldType.TEXT, ("2 m", None, None, 0)),
     ],
 )
@@ -60,16 +58,13 @@ def test_default_and_range_determine_type(text, field_type, values):
     ("text", "code", "words"),
     [
         ("default: 30 s, min: 1 s, max: 10 s", "out-of-range", "is 30 s, expected 1 s to 10 s"),
-        ("default: 3 m, min: 1 m, max: 250 cm", "out-of-range", "is 3 m, expected 1 m to 2.5 m"),
         ("default: 1 s, min: 2 min, max: 1 s", "out-of-range", "is 1 s, which is not more than"),
         ("default: 100 deg, min: 0, max: 90 deg", "out-of-range", "100 deg, expected 0 deg to 90"),
         ("default: 7 s, min: 5 s, max: 1 min, step: 5 s", "off-step", "of steps of 5 s"),
         ("default: soon, min: 1, max: 3", "bad-number", "found 'soon'"),
         ('default: "2", min: 1, max: 3, step: 1', "unknown-key", "has no 'min', 'max', 'step'"),
-        ("default: true, min: 0, max: 1", "unknown-key", "is a boolean"),
         ("default: 9, min: 5, max: 1, step: 0", "out-of-range", "'max' of tunable"),
         ("default: 9, step: -1", "missing-key", "needs min and max"),
-        ("default: 9, min: 1, max: 5, step: 3", "out-of-range", "is 9, expected 1 to 5"),
     ],
 )
 def test_tunable_error_is_reported_once_with_unit(text, code, words):
@@ -78,12 +73,6 @@ def test_tunable_error_is_reported_once_with_unit(text, code, words):
     assert words in problem.message
 
 
-@pytest.mark.parametrize(
-    ("text", "places"),
-    [
-        ("default: 8 m, min: 2 s, max: 30 s", ["a.yaml:1:14"]),
-        ("default: 8 s, min: 2 m, max: 30 m", ["a.yaml:1:24", "a.yaml:1:34"]),
-    ],
-)
-def test_minutes_written_as_metres_are_one_error_each(text, places):
-    assert [str(one.position) for one in refusal(tunable, text).diagnostics] == places
+def test_minutes_written_as_metres_are_one_error_each():
+    found = refusal(tunable, "default: 8 s, min: 2 m, max: 30 m").diagnostics
+    assert [str(one.position) for one in found] == ["a.yaml:1:24", "a.yaml:1:34"]
