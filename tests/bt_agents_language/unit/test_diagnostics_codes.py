@@ -191,44 +191,30 @@ KEYS = ("meaning", "file", "severity", "wrong", "right")
 """Keys of a code in the table, in their order."""
 
 REPORTING = {
-    "error": 0, "error_in": 0, "add": 0, "_give_up": 1, "_refuse": 0, "_refusal": 1,
-    "ImportProblem": 0, "_at": 1, "warning": 0,
+    "error", "error_in", "_error", "add", "_give_up", "_refuse", "_refusal", "ImportProblem",
+    "_at", "warning",
 }  # fmt: skip
-"""Function that reports a problem → index of its argument with the code."""
+"""Functions that report a problem; the code is one of their first two arguments."""
 
 CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 
 
-def reported(tree: ast.AST) -> Iterator[str]:
+def reported(module: Path) -> Iterator[str]:
     """Yield the codes of problems that a module reports."""
-    for node in ast.walk(tree):
+    for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
         if not isinstance(node, ast.Call):
             continue
-        called = node.func.attr if isinstance(node.func, ast.Attribute) else None
-        name = called or (node.func.id if isinstance(node.func, ast.Name) else "")
-        yield from (
-            keyword.value.value
-            for keyword in node.keywords
-            if keyword.arg == "code" and isinstance(keyword.value, ast.Constant)
-        )
-        place = REPORTING.get(name)
-        if place is not None and len(node.args) > max(place, 1):
-            argument = node.args[place]
-            if isinstance(argument, ast.Constant) and CODE.fullmatch(str(argument.value)):
-                yield argument.value
-
-
-def sources() -> list[ast.AST]:
-    files = [
-        path
-        for package in ("bt_agents_language", "bt_agents_groot", "bt_agents_tools")
-        for path in (ROOT / package).rglob("*.py")
-        if path.parent.name != "codes"
-    ]
-    return [ast.parse(path.read_text(encoding="utf-8")) for path in files]
+        given = [keyword.value for keyword in node.keywords if keyword.arg == "code"]
+        called = getattr(node.func, "attr", "") or getattr(node.func, "id", "")
+        if called in REPORTING and len(node.args) > 1:
+            given += node.args[:2]
+        texts = [str(one.value) for one in given if isinstance(one, ast.Constant)]
+        yield from filter(CODE.fullmatch, texts)
 
 
 def test_every_reported_code_is_in_the_table():
-    codes = {code for tree in sources() for code in reported(tree)}
+    packages = ("bt_agents_language", "bt_agents_groot", "bt_agents_tools")
+    modules = [path for package in packages for path in (ROOT / package).rglob("*.py")]
+    codes = {code for module in modules for code in reported(module)}
     assert len(codes) > 60
     assert codes <= set(CODES)
