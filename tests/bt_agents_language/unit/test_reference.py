@@ -19,7 +19,7 @@ from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.scope import mood_names, scene_names
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import NodeField, NodeType
-from bt_agents_language.reference.node_pages import Group, node_page, node_pages, subtree_page
+from bt_agents_language.reference.node_pages import Group, node_page, subtree_page
 from bt_agents_language.reference.reference_page import reference_page
 from bt_agents_language.reference.topics import MEANINGS, TOPICS, topic
 from checkout import ROOT
@@ -33,11 +33,6 @@ def page_of(key, symbols=SYMBOLS):
     page = node_page(key, symbols)
     assert page is not None
     return page
-
-
-def test_every_word_has_exactly_one_page():
-    assert [page.key for page in node_pages(SYMBOLS)] == WORDS
-    assert node_page("sya", SYMBOLS) is None
 
 
 def test_every_word_of_the_language_has_an_example():
@@ -62,28 +57,6 @@ def test_word_example_uses_it_in_runnable_tree(key):
         steady=world.clock,
     )
     run.tick()
-
-
-def test_page_lists_required_fields_and_defaults():
-    page = page_of("ask")
-    assert page.group is Group.SKILL
-    assert page.forms == (
-        "ask: <text>",
-        "ask: {text: …, choices: …, wait: …}",
-        "ask: {one_of: [<text>, …]}",
-    )
-    assert [(one.name, one.required, one.default) for one in page.fields] == [
-        ("text", True, ""),
-        ("choices", False, "[]"),
-        ("wait", False, "10 s"),
-    ]
-    assert [one.name for one in page.outputs] == ["answer"]
-
-
-def test_modifier_page_states_its_nesting_order():
-    page = page_of("retry")
-    assert "inside of when, once" in page.note
-    assert "around repeat, timeout" in page.note
 
 
 def test_plugin_page_is_built_from_fields():
@@ -120,12 +93,6 @@ def test_a_node_without_fields_is_its_bare_key():
 def test_a_node_without_fields_takes_no_value():
     (problem,) = refusal(agent_of, "tree: {blink: 3}\n", BLINK).diagnostics
     assert (problem.code, problem.message) == ("wrong-type", "'blink' has no fields, found '3'")
-
-
-def test_skill_example_looks_hand_written():
-    assert page_of("ask").example == (
-        'tree:\n  sequence:\n    - ask: Shall we go?\n    - log: "answer: ${answer}"\n'
-    )
 
 
 @pytest.mark.parametrize("name", ["greet", "tell", "ask_twice", "clear_the_way"])

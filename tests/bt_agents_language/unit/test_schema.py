@@ -93,24 +93,6 @@ def test_schema_accepts_every_shipped_file(path):
     assert [error.message for error in validator.iter_errors(content)] == []
 
 
-@pytest.mark.parametrize(
-    ("right", "wrong"),
-    [
-        ("runs: 6", "runs: 0"),
-        ("seed: 0", "sead: 0"),
-        ("- ucb", "- ucbb"),
-        ("- ucb", "- {name: ucb, sigma: much}"),
-    ],
-)
-def test_schema_rejects_invalid_sweeps(right, wrong):
-    text = (
-        "format: 1\nexperiment: ../3\nruns: 6\nrounds: 9\nseed: 0\n"
-        "strategies:\n  - ucb\nupdates:\n  - plain\n"
-    )
-    assert problems("sweep", text) == []
-    assert problems("sweep", text.replace(right, wrong)) != []
-
-
 @pytest.mark.parametrize("path", list(accepted()), ids=lambda path: str(path.relative_to(CORPUS)))
 def test_schema_accepts_every_file_the_readers_accept(path):
     assert problems(kind_of(path), read_source(path).text) == []
@@ -150,27 +132,16 @@ def test_schema_describes_every_key(kind):
     [
         "sya: Hello.",
         "say: {txt: Hello.}",
-        "say:",
         "say: Hello.\nask: Really?",
         "say: Hello.\nretrry: 3",
-        "retry: 3",
         "sequence:\n  say: Hello.",
-        "- say: Hello.",
-        "sequence: []",
         "parallel: {succeed_on: al, children: [{say: Hello.}]}",
-        "choose: [{say: Hello.}]",
         "wait: 5 sx",
-        "say: Hello.\ntimeout: [5 s]",
-        "say: Hello.\nretry: often",
-        "say: Hello.\nretry: 0",
         "say: Hello.\ninvert: yes",
         "say: Hello.\nwith: {a: 1}",
         "wait: 5 s\noutputs: {a: b}",
-        "log: {message: Hello., level: warn}",
         "give_feedback: positiv",
-        "publish: {topic: sound}",
         "publish: {topic: sound, type: String, message: {}}",
-        "check: 5",
     ],
 )
 def test_schema_rejects_errors_in_trees(node):
