@@ -86,45 +86,41 @@ def run(package: Path, script: str) -> str:
     return done.stdout
 
 
-PLAY = """
+READ = """
 from dataclasses import replace
 import tree_harness
 from bt_agents_core.errors import ReadError
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 
 tree_harness.SYMBOLS = replace(tree_harness.SYMBOLS, plugins=installed_plugins().kinds)
+for tree in %s:
+    try:
+        first, *_ = tree_harness.agent(tree).tree.children
+        print(dict(first.outputs))
+    except ReadError as error:
+        print(error.lines[0])
 """
 
 
+def read(package: Path, *trees: str) -> list[str]:
+    """Return the outputs of the first child, or the first error, of each tree."""
+    return run(package, READ % [*trees]).splitlines()
+
+
 def test_plugin_fields_are_checked_like_own_fields(package):
-    script = PLAY + textwrap.dedent(
-        """
-        for tree in ("blink: 0", "blink: {times: 2, pause: 3 m}", "blink: {tims: 2}"):
-            try:
-                tree_harness.agent(tree)
-            except ReadError as error:
-                print(error.lines[0])
-        """
-    )
-    lines = run(package, script).splitlines()
+    lines = read(package, "blink: 0", "blink: {times: 2, pause: 3 m}", "blink: {tims: 2}")
     codes = [line.partition("error[")[2].partition("]")[0] for line in lines]
     assert codes == ["out-of-range", "bad-duration", "unknown-key"]
 
 
 def test_plugin_outputs_are_known_and_typed(package):
     add_entries(package, "hears = their_nodes:Hears")
-    script = PLAY + textwrap.dedent(
-        """
-        for tree in ("[{hears: {wanted: 3}}, {say: 'So ${word}.'}]", "[{say: 'So ${word}.'}]",
-                     "[hears: , check: word > 3]"):
-            try:
-                spec = tree_harness.agent("sequence: " + tree)
-                print(dict(spec.tree.children[0].outputs))
-            except ReadError as error:
-                print(error.lines[0])
-        """
+    known, unknown, misfit = read(
+        package,
+        "sequence: [{hears: {wanted: 3}}, {say: 'So ${word}.'}]",
+        "sequence: [{say: 'So ${word}.'}]",
+        "sequence: [hears: , check: word > 3]",
     )
-    known, unknown, misfit = run(package, script).splitlines()
     assert known == "{'word': '/word'}"
     assert "error[unknown-name]" in unknown
     assert "error[" in misfit
