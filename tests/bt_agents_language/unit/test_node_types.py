@@ -95,7 +95,6 @@ def test_only_node_types_and_behaviours_branch_on_keys() -> None:
     "text",
     [
         "def f(spec):\n    return spec.kind == 'wait'",
-        "def f(spec):\n    return 'wait' != spec.kind",
         "def f(raw):\n    return raw.type.key in ('wait', 'wait_for')",
         "def f(spec):\n    match spec.kind:\n        case 'when' | 'once':\n            return 1",
         "_LIMITS = ('timeout', 'while')",
