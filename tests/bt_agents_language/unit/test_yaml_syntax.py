@@ -54,7 +54,7 @@ QUOTE = "quote a text with ': ' in it: \"…: …\""
             "put '- ' in front of it, or indent it if it belongs to the item above",
         ),
         (
-            "sequence:\n  - say: A.\n  «• say: B.",
+            "sequence:\n  - say: A.\n  «• log\n  - say: B.",
             "'•' cannot start an item of a list",
             "write '- ', a minus sign and a space",
         ),
