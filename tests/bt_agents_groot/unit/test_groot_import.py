@@ -188,6 +188,7 @@ def test_small_difference_becomes_note_in_file(inner, note):
         (xml("Control ID='Pick'", S, F), "its children come after a node that fails"),
         ("<Script code='k := k &amp; 4'/>", "no operator '&'"),
         ("<Script code='{t}'/>", "is in a blackboard entry"),
+        ("<ScriptCondition code='~k &gt; 2'/>", "no operator '~'"),
         ("<AlwaysSuccess _skipIf='k ^ 2'/>", '_skipIf="k ^ 2" is left out'),
         ("<AlwaysSuccess _onHalted='k := 1'/>", "_onHalted"),
         (xml("TryCatch catch_on_halt='true'", S, F), "on_cancel"),

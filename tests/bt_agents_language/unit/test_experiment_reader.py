@@ -76,6 +76,7 @@ def test_shipped_experiments_are_read(path):
     ("old", "new", "place"),
     [
         ("sequence: [{age: 3}]", "sequences: {lift: [{age: 3}, {mood: 6}]}", "8:39"),
+        ("sequence: [{age: 3}]", "sequences: {Lift 1: [{age: 3}]}", "8:15"),
         ("share: 0.25", "every: 0", "10:19"),
         ("share: 0.25", "value: {age: 5, mood: 5}", "10:11"),
         ("share: 0.25", "every: 3, value: {age: 5}", "10:29"),

@@ -51,6 +51,7 @@ def value(text: str) -> object:
         # numbers of functions
         ("min(1, endless)", 1),
         ("round(2.675, 2)", 2.68),
+        ("round(1e300, 2)", 1e300),
         ("round(1.5, 15)", 1.5),
         ("len(nothing)", 0),
         # texts

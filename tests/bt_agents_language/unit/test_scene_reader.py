@@ -280,6 +280,7 @@ def problems(source: str, more: str = "") -> list[str]:
         ({"field": '"faces[0].age"'}, "bad-name", "write faces.0.age"),
         ({"field": "good_list"}, "bad-expression", "pick an item of it: good_list.0"),
         ({"field": "msg.good_part"}, "bad-expression", "name a field of it: good_part.…"),
+        ({"confidence": "good_list"}, "bad-expression", "'confidence' is a list"),
         ({"confidence": "90 %"}, "bad-number", "write 0.9"),
         ({"confidence": "0"}, "out-of-range", "always 0, which means that nothing was measured"),
         ({"std": "5 %"}, "bad-number", "in the unit of the reading"),

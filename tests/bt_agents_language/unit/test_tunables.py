@@ -73,6 +73,12 @@ def test_tunable_error_is_reported_once_with_unit(text, code, words):
     assert words in problem.message
 
 
-def test_minutes_written_as_metres_are_one_error_each():
-    found = refusal(tunable, "default: 8 s, min: 2 m, max: 30 m").diagnostics
-    assert [str(one.position) for one in found] == ["a.yaml:1:24", "a.yaml:1:34"]
+@pytest.mark.parametrize(
+    ("text", "places"),
+    [
+        ("default: 8 m, min: 2 s, max: 30 s", ["a.yaml:1:14"]),
+        ("default: 8 s, min: 2 m, max: 30 m", ["a.yaml:1:24", "a.yaml:1:34"]),
+    ],
+)
+def test_minutes_written_as_metres_are_one_error_each(text, places):
+    assert [str(one.position) for one in refusal(tunable, text).diagnostics] == places

@@ -235,6 +235,7 @@ def _changed(change: Callable[[dict[str, Any]], object]) -> str:
         _changed(lambda found: found.update(made_at=1e9)),
         _changed(lambda found: found.update(sessions=[["0" * 64, "owner", 0]])),
         _changed(lambda found: found.update(sessions=[[1, "view", 0]])),
+        _changed(lambda found: found.update(sessions={"a": 1})),
     ],
 )
 def test_damaged_access_file_is_replaced(kept: str) -> None:
