@@ -78,11 +78,13 @@ def test_all_files_in_folder_are_checked(trees):
     write("agents/one.test.yaml", test)
     write("libraries/manners.yaml", "format: 1\nsubtrees: {greet: {tree: {sya: A.}}}\n")
     write("scripts/morning.yaml", "format: 1\nvisits: [{label: a, person: maybe}]\n")
+    write("market.yaml", "format: 1\nrules:\n  - {when: scene.age > 7, agents: [one]}\n")
     write("presets/morning.yaml", "format: 1\npreset: morning\nvalues: {one: 12 s}\n")
     assert sorted(found()) == [
         "trees/agents/one.test.yaml:2 unknown-agent",
         "trees/agents/two.yaml:4 unknown-node",
         "trees/libraries/manners.yaml:2 unknown-node",
+        "trees/market.yaml:3 constant-condition",
         "trees/presets/morning.yaml:3 wrong-type",
         "trees/scripts/morning.yaml:2 wrong-type",
     ]
@@ -120,20 +122,22 @@ def test_fault_of_check_is_problem_of_one_file(trees, monkeypatch):
         return lint(agent, **options)
 
     monkeypatch.setattr(folder_check, "lint", faulty)
-    checked = check_paths(["trees"], None)
-    told = {problem.position.file: problem.code for problem in checked.problems}
-    assert told["trees/agents/one.yaml"] == "reader-fault"
-    assert told["trees/agents/three.yaml"] != "reader-fault"
-    assert "one" in checked.agents
+    assert found() == [
+        "trees/agents/one.yaml:1 reader-fault",
+        "trees/agents/three.yaml:4 endless-wait",
+    ]
+    assert "one" in check_paths((), None).agents
 
 
-def test_broken_skills_file_leaves_dependent_agents_unchecked(trees):
+def test_broken_scene_and_skills_leave_agents_unchecked(trees):
     write("skills/more.yaml", "format: 1\nskills: {bow: {descriptoin: a}}\n")
+    write("scene.yaml", "format: 1\nparameters: {age: {min: 1}}\n")
     checked = check_paths(["trees/agents/one.yaml"], None)
-    assert [problem.code for problem in checked.problems] == ["unknown-key"]
+    files = [problem.position.file for problem in checked.problems]
+    assert files == ["trees/scene.yaml", "trees/skills/more.yaml"]
     assert checked.unchecked == ("trees/agents/one.yaml",)
     assert summary(checked) == (
-        "1 error, 1 file not checked: correct scene.yaml and the skills files first"
+        "2 errors, 1 file not checked: correct scene.yaml and the skills files first"
     )
 
 
@@ -156,18 +160,6 @@ def test_other_scene_files_are_checked_against_known_types(trees):
         ("wrong", 62, "unknown-ros-field"),
         ("wrong", 84, "bad-duration"),
     ]
-
-
-def test_scene_and_skills_problems_are_reported_together(trees):
-    write("skills/more.yaml", "format: 1\nskills: {bow: {descriptoin: a}}\n")
-    (trees / "scene.yaml").write_text("format: 1\nparameters: {age: {min: 1}}\n")
-    files = {line.split(":")[0] for line in found()}
-    assert files == {"trees/scene.yaml", "trees/skills/more.yaml"}
-
-
-def test_a_folder_without_agents_is_an_error(trees):
-    shutil.rmtree(trees / "agents")
-    assert found() == ["trees/agents:1 no-agents"]
 
 
 @pytest.mark.parametrize(
@@ -202,13 +194,20 @@ def test_github_format_prints_annotations(trees):
     assert last == "1 agent is fine, 1 error"
 
 
-def test_library_warning_is_reported_once_for_all_users(trees):
-    library = "format: 1\nsubtrees: {await: {tree: {wait_for: live.person}}}\n"
-    write("libraries/waits.yaml", library)
+@pytest.mark.parametrize(
+    ("subtree", "use", "code"),
+    [
+        ("tree: {wait_for: live.person}", "", "endless-wait"),
+        ("tree: {say: Hello., when: scene.age > 7}", "", "constant-condition"),
+        ("inputs: {who: text}, tree: {say: Hello.}", ", with: {who: Ann}", "unused-input"),
+    ],
+)
+def test_library_warning_is_reported_once_for_all_users(trees, subtree, use, code):
+    write("libraries/waits.yaml", f"format: 1\nsubtrees:\n  await: {{{subtree}}}\n")
     for name in ("one", "two"):
-        text = GOOD.format(name).replace("{say: Hello.}", "{subtree: await}")
+        text = GOOD.format(name).replace("{say: Hello.}", f"{{subtree: await{use}}}")
         write(f"agents/{name}.yaml", text + "imports: [libraries/waits.yaml]\n")
-    assert found() == ["trees/libraries/waits.yaml:2 endless-wait"]
+    assert found() == [f"trees/libraries/waits.yaml:3 {code}"]
 
 
 class Steps:
@@ -272,25 +271,6 @@ def test_unreadable_file_does_not_stop_other_checks(trees, neighbour):
     code, output = run(f"trees/agents/{neighbour}.yaml")
     assert code == 1
     assert f"{neighbour}.yaml" in output
-
-
-def test_unused_library_input_only_warns(trees):
-    library = "format: 1\nsubtrees:\n  greet: {inputs: {who: text}, tree: {say: Hello.}}\n"
-    write("libraries/manners.yaml", library)
-    tree = "{{subtree: greet, with: {{who: Ann}}}}\nimports: [libraries/manners.yaml]"
-    write("agents/two.yaml", GOOD.replace("{{say: Hello.}}", tree).format("two"))
-    assert found() == ["trees/libraries/manners.yaml:3 unused-input"]
-    assert found("trees/agents") == []
-
-
-def test_impossible_conditions_warn_in_libraries_and_market_rules(trees):
-    library = "format: 1\nsubtrees:\n  greet: {tree: {say: Hello., when: scene.age > 7}}\n"
-    write("libraries/manners.yaml", library)
-    write("market.yaml", "format: 1\nrules:\n  - {when: scene.age > 7, agents: [one]}\n")
-    assert found() == [
-        "trees/market.yaml:3 constant-condition",
-        "trees/libraries/manners.yaml:3 constant-condition",
-    ]
 
 
 def test_importing_an_agent_blames_only_the_importer(trees):
