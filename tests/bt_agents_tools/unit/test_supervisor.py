@@ -38,9 +38,7 @@ HANGS = "agents hangs (no heartbeat for 10 s): killing it"
     ("lives", "waits"),
     [
         ([0.0] * 9, [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0]),
-        ([9.9, 9.9, 9.9], [0.5, 1.0, 2.0]),
-        ([10.0, 15.0, 40.0], [0.5, 0.5, 0.5]),
-        ([0.0, 0.0, 10.0, 0.0], [0.5, 1.0, 0.5, 1.0]),
+        ([9.9, 9.9, 10.0, 40.0, 0.0], [0.5, 1.0, 0.5, 0.5, 1.0]),
         ([0.0] * 8 + [3600.0, 3600.0], [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 0.5, 0.5]),
     ],
 )
@@ -216,33 +214,22 @@ def test_a_heartbeat_before_the_first_poll_counts(watched: Watched) -> None:
     assert watched.wait(10.0) == [HANGS]
 
 
-def test_short_pause_is_not_reported_as_hang(watched: Watched) -> None:
-    watched.run()
-    watched.on_heartbeat("agents")
-    watched.now += 5.0
-    assert watched.poll() == []
-    assert watched.wait(10.0) == [HANGS]
-
-
-def test_hang_detection_awaits_heartbeat_after_long_pause(watched: Watched) -> None:
+def test_pause_of_the_supervisor_is_no_hang(watched: Watched) -> None:
     watched.run()
     watched.on_heartbeat("agents")
     watched.now += 3600.0
-    assert watched.poll() == []
-    assert watched.wait(50.0) == []
+    assert watched.wait(50.0) == [], "after a long pause, only another heartbeat counts"
     watched.on_heartbeat("agents")
+    watched.now += 5.0
     assert watched.poll() == []
-    assert watched.wait(10.0) == [HANGS]
-
-
-def parameters(folder: Path, values: str) -> ParameterFile:
-    path = folder / "my.yaml"
-    path.write_text(f"/**: {{ros__parameters: {values}}}")
-    return read_parameters(path)
+    assert watched.wait(9.5) == []
+    assert watched.wait(0.5) == [HANGS]
 
 
 def test_parameters_are_judged_after_last_report(watched: Watched, tmp_path: Path) -> None:
-    file = parameters(tmp_path, "{pace: 2.0, tick_rate: 9.0, tick_rat: 9.0}")
+    path = tmp_path / "my.yaml"
+    path.write_text("/**: {ros__parameters: {pace: 2.0, tick_rate: 9.0, tick_rat: 9.0}}")
+    file = read_parameters(path)
     robot, agents = (
         replace(watched.write(name, UP % json.dumps({f"/{name}": said})), file=file)
         for name, said in (
@@ -261,13 +248,6 @@ def test_parameters_are_judged_after_last_report(watched: Watched, tmp_path: Pat
     assert events == [told]
     assert watched.unknown_parameters() == {"** tick_rat": told}
     assert watched.poll() == []
-
-
-def test_report_that_is_no_json_counts_as_up(watched: Watched, tmp_path: Path) -> None:
-    file = parameters(tmp_path, "{pace: 2.0}")
-    watched.start(replace(watched.write("robot", UP_FOR_EVER), file=file))
-    watched.until(lambda _events: watched.has_been_up("robot"))
-    assert watched.unknown_parameters() == {}
 
 
 UP_AND_GONE = """
@@ -339,9 +319,8 @@ def test_only_its_process_gets_secret(watched: Watched, monkeypatch: pytest.Monk
     watched.up("selector")
     watched.up("agents")
     assert "s3cret" in watched.said("selector")
-    assert "s3cret" not in watched.said("agents")
-    assert "s3cret" not in repr(selector)
-    assert "s3cret" not in " ".join(selector.command())
+    for elsewhere in (watched.said("agents"), repr(selector), *selector.command()):
+        assert "s3cret" not in elsewhere
 
 
 def test_end_of_non_restarting_component_is_an_error(watched: Watched) -> None:
@@ -429,8 +408,7 @@ def test_only_unresponsive_process_is_killed_at_shutdown(
     ("name", "value", "words"),
     [
         ("ROS_DOMAIN_ID", "abc", "'abc', expected"),
-        ("ROS_DOMAIN_ID", "999", "'999', expected"),
-        ("ROS_DOMAIN_ID", "-1", "'-1', expected"),
+        ("ROS_DOMAIN_ID", "233", "'233', expected"),
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", "everywhere", "'everywhere', expected"),
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF", "no process of the system finds another; unset"),
         ("ROS_NAMESPACE", "my robot", "'my robot', expected"),
