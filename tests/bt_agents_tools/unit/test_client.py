@@ -35,11 +35,8 @@ def test_told_values_still_count_after_run():
     assert LAST.values[0].value == 2.0
 
 
-def test_later_measured_values_do_not_count():
+def test_measured_values_and_other_interactions_are_ignored():
     assert next_scene(LAST, scene("", 8.0, SceneValue.MEASURED)) == LAST
-
-
-def test_values_told_in_another_interaction_are_ignored():
     assert next_scene(LAST, scene("s2", 8.0, SceneValue.TOLD)) is LAST
     assert next_scene(LAST, None) is LAST
     assert next_scene(None, scene("", 8.0, SceneValue.TOLD)) is None
@@ -54,10 +51,20 @@ def test_answer_goes_to_first_question_accepting_it() -> None:
     assert asked_by([GO, NAME], "Ada") == (NAME, "Ada")
 
 
-@pytest.mark.parametrize(("question", "words"), [(GO, "perhaps"), (GO, ""), (NAME, " ")])
-def test_answer_matching_no_question_is_refused(question: SimpleNamespace, words: str) -> None:
-    with pytest.raises(Refused, match=r"^NOT_A_CHOICE: "):
-        asked_by([question], words)
+@pytest.mark.parametrize(
+    ("questions", "words", "code"),
+    [
+        ([], "yes", "NO_QUESTION"),
+        ([GO], "perhaps", "NOT_A_CHOICE"),
+        ([GO], "", "NOT_A_CHOICE"),
+        ([NAME], " ", "NOT_A_CHOICE"),
+    ],
+)
+def test_answer_matching_no_question_is_refused(
+    questions: list[SimpleNamespace], words: str, code: str
+) -> None:
+    with pytest.raises(Refused, match=rf"^{code}: "):
+        asked_by(questions, words)
 
 
 def row(revision: int, source: str = "", **more: Any) -> dict[str, Any]:
@@ -87,7 +94,6 @@ class Feedback:
     ("rows", "stamp"),
     [
         ([], 0.0),
-        ([row(1)], 0.0),
         ([row(1), row(2, "tuning")], 20.0),
         ([row(1), row(2, "tuning"), row(3, "mood rule")], 0.0),
         ([row(1), row(2, "tuning"), row(3, "tuning"), row(4, restores=2)], 20.0),
