@@ -121,17 +121,13 @@ def test_interactive_user_can_supply_event_when_idle() -> None:
         (("attentive_gide",), "there is no agent 'attentive_gide'"),
         (("trees/agents/nobody.yaml",), "there is no file"),
         (("attentive_guide", "--scene", "age"), "write --scene age=4"),
-        (("attentive_guide", "--scene", "agee=4"), "did you mean 'age'?"),
         (("attentive_guide", "--at", "2s"), "does not say what happens"),
         (("attentive_guide", "--at", "5m mood=2"), "'5m' in '5m mood=2' is not a time; write a"),
-        (("attentive_guide", "--at", "5m mood=2"), "such as '5 min'"),
         (("attentive_guide", "--at", "3 sec cancel"), "such as '3 s'"),
         (("attentive_guide", "--at", "cancle"), "did you mean 'cancel'?"),
         (("silent_text", "--at", "x"), "possible here: cancel, buttons/confirm"),
-        (("attentive_guide", "--at", "2s mood=bad"), "[bad-number]"),
         (("silent_text", "--at", "2s buttons/confirm data=ja"), "'data' is 'ja', expected true"),
         (("silent_text", "--at", "2s buttons/confirm dta=true"), "no field 'dta'"),
-        (("attentive_guide", "--answer", "drive=yes"), "it gives nothing back"),
         (("attentive_guide", "--answer", "ask={broken"), "an option cannot be understood"),
         ((f"{GUIDE}.test.yaml:xyz",), "no case has 'xyz'"),
     ],
@@ -150,7 +146,6 @@ def test_agent_outside_trees_folder_is_refused_with_hint(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("typed", "text"),
     [
-        ("2s mood=1.5", "{after: 2s, mood: 1.5}"),
         ("2 s mood=1.5 person=false", "{after: 2 s, mood: 1.5, person: false}"),
         ("mood=1", "{after: 0 s, mood: 1}"),
         ("1min patience=3s", "{after: 1min, tune: {patience: 3s}}"),
@@ -247,6 +242,3 @@ def test_agent_speaks_chosen_language(tmp_path: Path, language: str, said: str) 
     assert f'say "{said}"' in shown.output, shown.output
     tested = CliRunner().invoke(bt_agents, ["test", str(tmp_path), *chosen])
     assert tested.exit_code == 0, tested.output
-    refused = rehearse(str(tmp_path / "agents" / "guide.yaml"), "--language", "fr")
-    assert isinstance(refused.exception, BtAgentsError)
-    assert "there are some in de and en" in str(refused.exception)
