@@ -63,6 +63,8 @@ def test_help_loads_no_command() -> None:
         ("up --memory l.sqlite --ledger l.sqlite", "--memory names the ledger"),
         ("up --robot browser --no-studio", "--robot browser needs the robot and the studio"),
         ("up --robot browser --no-robot", "--robot browser needs the robot and the studio"),
+        ("status --json --csv", "--json and --csv do not go together"),
+        ("up --only market,seen", "robot, with commas between; did you mean 'scene'?"),
         ("demo --browser --script a.yaml", "who is the visitor?"),
     ],
 )

@@ -143,15 +143,6 @@ def test_parts_are_comma_separated_and_default_to_all():
     assert named_parts("") == set(PARTS)
 
 
-def test_unknown_part_is_refused_with_known_parts():
-    with pytest.raises(click.UsageError) as caught:
-        named_parts("market,seen")
-    assert str(caught.value) == (
-        "--only names 'seen', which is not a part of a system; expected some of market, scene, "
-        "agents, feedback, robot, with commas between; did you mean 'scene'?"
-    )
-
-
 def test_every_part_names_a_component():
     trees = Path("/trees")
     made = [

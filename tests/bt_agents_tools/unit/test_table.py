@@ -14,20 +14,17 @@ import select
 import string
 import struct
 import termios
-from dataclasses import replace
 
-import click
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableKind, TunableParameter
-from bt_agents_core.field_types import FieldType
-from bt_agents_tools.cli.table import Column, TableForm, print_table, table_lines, table_options
+from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableParameter, parameters_of
+from bt_agents_tools.cli.table import Column, TableForm, print_table, table_lines
 from bt_agents_tools.cli.tune_table import table
 from bt_agents_tools.client.write_back import ParameterState
+from tree_harness import agent
 
 COLUMNS = (
     Column(key="agent"),
@@ -113,38 +110,14 @@ def test_programs_receive_unformatted_values(capsys: pytest.CaptureFixture[str])
     }
 
 
-def test_conflicting_table_formats_are_refused() -> None:
-    @click.command()
-    @table_options
-    def command(form: TableForm) -> None:
-        click.echo(form.name)
-
-    assert CliRunner().invoke(command, ["--wide"]).output == "WIDE\n"
-    refused = CliRunner().invoke(command, ["--json", "--csv"])
-    assert refused.exit_code == 2
-    assert "--json and --csv do not go together" in refused.output
-
-
 WORDS = "how long to wait for an answer, in the eyes of the person before the robot"
-PATIENCE = TunableParameter(
-    name="ann.patience",
-    agent="ann",
-    key="patience",
-    kind=TunableKind.TUNABLE,
-    type=FieldType.DURATION,
-    default=8.0,
-    minimum=2.0,
-    maximum=30.0,
-    description=WORDS,
-)
-PLACE = replace(
-    PATIENCE,
-    name="ann.place",
-    key="place",
-    type=FieldType.TEXT,
-    default="",
-    minimum=None,
-    maximum=None,
+TUNABLES = f"""
+tunables:
+  patience: {{default: 8 s, min: 2 s, max: 30 s, description: '{WORDS}'}}
+  place: {{default: '', description: '{WORDS}'}}
+"""
+PATIENCE, PLACE, _ = parameters_of(
+    agent("sequence: [wait: '${patience}', log: '${place}']", TUNABLES)
 )
 
 
@@ -158,7 +131,7 @@ STATES = (state(PATIENCE, 8.0), state(TICK_RATE, 20.0), state(PLACE, ""))
 def test_agent_rows_follow_host_rows() -> None:
     assert list(table(STATES, 10_000)) == [
         "tick_rate   20   1 to 200     ticks of the running tree [1/s]",
-        "ann",
+        "a",
         f"  patience  8 s  2 s to 30 s  {WORDS}",
         f"  place     ''                {WORDS}",
     ]
@@ -169,12 +142,12 @@ def test_rows_fit_terminal_without_losing_words(width: int) -> None:
     rows = list(table((*STATES, state(PATIENCE, 12.0)), width))
     assert max(map(len, rows)) <= width
     assert " ".join(" ".join(rows).split()).count(WORDS.split()[-1]) == 3
-    assert all(row == "ann" or row.startswith(("  ", "tick_rate")) for row in rows)
+    assert all(row == "a" or row.startswith(("  ", "tick_rate")) for row in rows)
 
 
 def test_overlong_description_moves_to_own_lines() -> None:
     assert list(table((state(PATIENCE, 8.0),), 50))[:3] == [
-        "ann",
+        "a",
         "  patience  8 s  2 s to 30 s",
         "      how long to wait for an answer, in the eyes",
     ]
