@@ -273,12 +273,6 @@ def test_python_examples_define_working_nodes_or_strategies(document: str, text:
         assert read_plugins([point]).problems == ()
 
 
-def test_links_between_documents_resolve() -> None:
-    for path in DOCUMENTS:
-        for target in re.findall(r"\]\(([^)#:]+)\)", path.read_text()):
-            assert (path.parent / target).exists(), f"{path.name}: {target}"
-
-
 def launched(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Return the arguments and the nodes of a launch file."""
     entries = yaml.safe_load(path.read_text())["launch"]
