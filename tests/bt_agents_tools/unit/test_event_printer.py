@@ -24,10 +24,12 @@ INVALID, RUNNING = msg.StatusChange.INVALID, msg.StatusChange.RUNNING
 SUCCESS, FAILURE = msg.StatusChange.SUCCESS, msg.StatusChange.FAILURE
 
 
-def printing(width: int = 100, **how: Any) -> tuple[io.StringIO, EventPrinter]:
+def printing(
+    width: int = 100, space: SceneSpace = SPACE, **how: Any
+) -> tuple[io.StringIO, EventPrinter]:
     """Return a printer and its output."""
     output = io.StringIO()
-    return output, EventPrinter(Console(file=output, width=width, color_system=None, **how), SPACE)
+    return output, EventPrinter(Console(file=output, width=width, color_system=None, **how), space)
 
 
 def told(*events: tuple[str, Any]) -> list[str]:
@@ -144,13 +146,6 @@ def test_scenes_are_named_by_label_instead_of_id() -> None:
     assert told(*named, stopped, ("end", lost))[2:] == [
         "      run  stopping a: preempted by scene 'Ben': b 0.5, s1 has 'none'",
         "    scene  'Anna' lost: asked again as scene 'Anna'",
-    ]
-
-
-def test_unlabelled_scene_is_named_by_its_values() -> None:
-    refused = msg.SceneEnd(code="BUSY", message="scene 's1' is under way", scene_id="s2")
-    assert told(("scene", scene()), ("end", refused))[1:] == [
-        "    scene  's2' busy: scene 'age 1, mood 3' is under way"
     ]
 
 
@@ -281,9 +276,8 @@ def test_summary_shows_full_profiles_on_narrow_terminal() -> None:
 
 def test_summary_names_only_profile_parameters() -> None:
     pain = SceneParameter(name="pain", minimum=0.0, maximum=10.0, default=0.0, profiled=False)
-    output = io.StringIO()
     space = SceneSpace(parameters=(pain, *SPACE.parameters), mood="mood")
-    printer = EventPrinter(Console(file=output, width=100, color_system=None), space)
+    output, printer = printing(space=space)
     printer.profiles({"a": (3.0, 3.0, 3.0)})
     printer.summary()
     assert "profile (age, familiarity, mood)" in output.getvalue()
