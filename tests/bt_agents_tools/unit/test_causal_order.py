@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
 import pytest
 
@@ -33,7 +33,7 @@ def shown(events: list[tuple[str, Links]], now: float = causal.SETTLE_S) -> list
     found: list[str] = []
     order = CausalOrder()
     for place, (name, links) in enumerate(events):
-        deliver: Any = lambda name=name: found.append(name)  # noqa: E731
+        deliver = partial(found.append, name)
         order.put(CausalEvent(sent_s=float(place), deliver=deliver, links=links), 0.0)
     order.deliver_due(now)
     return found
@@ -101,7 +101,7 @@ def test_remembered_facts_are_bounded():
     found: list[int] = []
     for cause in (0, 2 * causal.MOST_FACTS - 1):
         links = Links(causes=frozenset({(cause,)}))
-        deliver: Any = lambda cause=cause: found.append(cause)  # noqa: E731
+        deliver = partial(found.append, cause)
         order.put(CausalEvent(sent_s=0.0, deliver=deliver, links=links), 2.0)
     order.deliver_due(2.0 + causal.SETTLE_S)
     assert found == [2 * causal.MOST_FACTS - 1]

@@ -81,7 +81,6 @@ def talking(form: TableForm) -> None:
         (["/a", "/a"], [], "trees folder of the system: /a\n"),
         (["/b", "/a\x1b[2J"], ["--wide"], "trees folder of the system: /a [2J, /b\n"),
         (["/a"], ["--json"], ""),
-        (["/a"], ["--csv"], ""),
         (["", ""], [], ""),
         ([], [], ""),
     ],
@@ -94,13 +93,12 @@ def test_command_names_trees_folder_of_running_system(
     assert (result.stdout, result.stderr) == ("done\n", said)
 
 
-@pytest.fixture
-def holds(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
-    def hold(who: str) -> None:
-        monkeypatch.setattr(connection, "holder", lambda domain: who if domain == 7 else "")
-
-    hold("")
-    return hold
+@pytest.fixture(autouse=True)
+def holders(monkeypatch: pytest.MonkeyPatch) -> dict[int, str]:
+    """Return who holds each domain."""
+    known = {7: ""}
+    monkeypatch.setattr(connection, "holder", known.get)
+    return known
 
 
 def words(graph: Any) -> str:
@@ -111,15 +109,14 @@ def words(graph: Any) -> str:
 
 @pytest.mark.parametrize(("who", "markets"), [(UP, ()), ("", ("/",))])
 def test_slow_market_is_awaited_while_it_is_known(
-    holds: Callable[[str], None], who: str, markets: tuple[str, ...]
+    holders: dict[int, str], who: str, markets: tuple[str, ...]
 ) -> None:
-    holds(who)
+    holders[7] = who
     graph: Any = Graph(heard_after_s=9.5, markets=markets)
     wait_for_market(graph, 7)
     assert graph.now == 9.5
 
 
-@pytest.mark.usefixtures("holds")
 def test_missing_system_is_reported_quickly() -> None:
     graph = Graph(heard_after_s=9.5)
     assert words(graph) == (
@@ -129,15 +126,14 @@ def test_missing_system_is_reported_quickly() -> None:
     assert graph.now == 3.0
 
 
-def test_silent_system_is_not_reported_as_missing(holds: Callable[[str], None]) -> None:
-    holds(UP)
+def test_silent_system_is_not_reported_as_missing(holders: dict[int, str]) -> None:
+    holders[7] = UP
     assert words(Graph()) == (
         f"{UP} is on ROS domain 7, but its marketplace has not been heard for 10 s: it is being "
         "started, was told to leave, or the machine is very busy; try again"
     )
 
 
-@pytest.mark.usefixtures("holds")
 def test_error_names_systems_in_other_namespaces() -> None:
     assert words(Graph(markets=("/robot1", "/robot2"))) == (
         "no running system in namespace '/' of ROS domain 7; set ROS_NAMESPACE, there is one in "

@@ -104,8 +104,6 @@ def test_log_cleanup_keeps_newest_ended_starts(tmp_path: Path) -> None:
 
 
 MORNING_S = 1_800_000_000.0
-NO_PID = 4_194_304
-"""Above the highest process id."""
 
 
 class Reported:
@@ -220,4 +218,4 @@ def test_usage_comes_from_proc() -> None:
     assert usage is not None
     assert usage.cpu_s > 0
     assert usage.memory_bytes > 1_000_000
-    assert read_usage(NO_PID) is None
+    assert read_usage(2**22) is None, "above the highest process id"

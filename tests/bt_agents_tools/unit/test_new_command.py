@@ -70,9 +70,5 @@ def test_copy_incompatible_with_scene_is_refused_with_reason(here: Path) -> None
 
 
 def test_copy_replaces_only_agent_name() -> None:
-    text = (
-        "# bt-agents test trees/agents/guide.test.yaml\nagent: guide\ntitle: guide\nsay: guide\n"
-    )
-    assert renamed(text, "guide", "host") == (
-        "# bt-agents test trees/agents/host.test.yaml\nagent: host\ntitle: guide\nsay: guide\n"
-    )
+    text = "# bt-agents test agents/{0}.test.yaml\nagent: {0}\ntitle: guide\nsay: guide\n"
+    assert renamed(text.format("guide"), "guide", "host") == text.format("host")

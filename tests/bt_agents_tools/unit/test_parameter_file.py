@@ -33,14 +33,12 @@ UNKNOWN = {
     [
         ("/**", "shared", False),
         ("/**", "pace", False),
-        ("/**", "deadline", False),
         ("/**", "deadlin", True),
         ("/library/*", "deadlin", True),
         ("market", "deadline", False),
         ("market", "pace", True),
         ("/library/market", "pace", True),
         ("/**/market", "pace", True),
-        ("/**/robot", "pace", False),
         ("elsewhere", "pace", False),
     ],
 )
@@ -99,11 +97,8 @@ def told(folder: Path, text: str) -> str:
     ("namespace", "text"),
     [
         ("", "/**: {ros__parameters: {tick_rate: 20.0}}"),
-        ("", "marketplace: {ros__parameters: {bid_deadline: 3.0}}"),
-        ("", "/library/marketplace: {ros__parameters: {}}"),
         ("", "library: {marketplace: {ros__parameters: {}}, agents: {ros__parameters: {}}}"),
         ("", "a_host_of_mine: {ros__parameters: {}}"),
-        ("/library", "/**: {ros__parameters: {}}"),
         ("/library", "/**/marketplace: {ros__parameters: {}}"),
         ("/library", "/library/marketplace: {ros__parameters: {}}"),
         ("/library", "library/agents: {ros__parameters: {}}"),
@@ -116,9 +111,8 @@ def test_ros_parameter_file_is_accepted_silently(
     assert told(tmp_path, text) == "started with params.yaml\n"
 
 
-@pytest.mark.parametrize("text", ["marketplce: {%s}", "/library/marketplce: {%s}"])
-def test_misspelt_node_is_reported(tmp_path: Path, text: str) -> None:
-    assert told(tmp_path, text % "ros__parameters: {}") == (
+def test_misspelt_node_is_reported(tmp_path: Path) -> None:
+    assert told(tmp_path, "/library/marketplce: {ros__parameters: {}}") == (
         "params.yaml: no node is called 'marketplce'; did you mean 'marketplace'?\n"
         "started with params.yaml\n"
     )
@@ -140,8 +134,6 @@ def test_node_outside_the_namespace_is_reported(
     ("text", "words"),
     [
         ("marketplace: {bid_deadline: 3.0}", "there is no 'ros__parameters' below 'bid_deadline'"),
-        ("marketplace:", "there is no 'ros__parameters' below 'marketplace'"),
-        ("", "there is no 'ros__parameters' in it"),
         ("[1, 2]", "there is no 'ros__parameters' in it"),
         ("a: {b: 1\nc: }", "line 2: it is not YAML"),
         ("a: \x07", "it is not YAML"),

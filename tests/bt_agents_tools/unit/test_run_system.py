@@ -7,6 +7,7 @@ import time
 from itertools import count
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -17,35 +18,18 @@ from bt_agents_tools.cli.run_system import _print_events, studio_plan
 from bt_agents_tools.launcher.supervisor import Component
 
 
-class Crowd:
-    """System, observer and supervisor whose visitors are done after a thousand polls."""
-
-    interrupt = visits_done = False
-    looks = 0
-
-    def __init__(self) -> None:
-        self.observer = self.supervisor = self
-
-    def start(self, *_components: Component) -> None:
-        """Start nothing."""
-
-    def start_fleet(self) -> None:
-        """Start nothing."""
-
-    def poll(self) -> None:
-        """Print nothing."""
-
-    def spin_until(self, _done: Any, _limit_s: float) -> None:
-        self.looks += 1
-        self.visits_done = self.looks == 1000
-
-
 def test_long_script_is_played_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
     minutes = count(step=60)
     monkeypatch.setattr(time, "monotonic", lambda: float(next(minutes)))
-    crowd: Any = Crowd()
-    _print_events(crowd, Component(name="visitors", module=""), None)
-    assert crowd.visits_done
+    system = Mock(interrupt=False)
+    system.observer.visits_done = False
+
+    def spin_until(_done: Any, _limit_s: float) -> None:
+        system.observer.visits_done = system.spin_until.call_count == 1000
+
+    system.spin_until.side_effect = spin_until
+    _print_events(system, Component(name="visitors", module=""), None)
+    assert system.observer.visits_done
 
 
 def test_addresses_of_earlier_start_are_removed(tmp_path: Path) -> None:

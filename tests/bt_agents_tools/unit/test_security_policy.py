@@ -53,13 +53,10 @@ def test_watch_role_changes_nothing(table: dict[str, Rights]) -> None:
     [
         ("request", "feedback/manage", {"author", "studio"}),
         ("request", "agents/set_profile", {"feedback"}),
-        ("call", "agents/run", {"marketplace"}),
         ("publish", "bt_agents/bids", {"agents", "more"}),
         ("publish", "agents/heartbeat", {"agents"}),
-        ("reply", "agents/tune", {"agents"}),
         ("request", "marketplace/cancel", {"feedback", "operate", "author", "studio"}),
         ("request", "marketplace/set_parameters_atomically", {"operate", "author", "studio"}),
-        ("publish", "marketplace/heartbeat", {"marketplace"}),
         ("subscribe", "more/heartbeat", {"marketplace", "robot", "studio", *ROLES}),
     ],
 )

@@ -56,11 +56,9 @@ def trees(run: Run) -> Path:
     ("words", "example"),
     [
         ("check", "bt-agents check shipped"),
-        ("test", "bt-agents test shipped"),
         ("up", "bt-agents up shipped"),
         ("schema", "bt-agents schema shipped"),
         ("rehearse attentive_guide", "bt-agents rehearse … --dir shipped"),
-        ("show attentive_guide", "bt-agents show … --dir shipped"),
     ],
 )
 def test_missing_trees_folder_error_says_what_to_write(run: Run, words: str, example: str) -> None:
