@@ -18,14 +18,12 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from bag_fixture import write_bag
 from bt_agents_core.errors import Refused
-from bt_agents_core.person_mention import PersonMention
 from bt_agents_interfaces.msg import Bookmark
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
 from bt_agents_lab.recorder import reading
 from bt_agents_lab.recorder.bag import recorded_files
-from bt_agents_lab.recorder.erasure import erase_from_journals
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.decisions import replay_decisions
 from bt_agents_lab.replay.findings import ReplayVerdict
@@ -283,17 +281,3 @@ def test_topic_of_another_program_is_no_second_system(
         writer.add_message(channel, log_time=1, data=b"", publish_time=1)
         writer.finish()
     assert len(JournalReader([bag, other]).entries()) == len(journaled.published) + 1
-
-
-def test_forget_leaves_bags_and_names_them(bag: Path) -> None:
-    shutil.copy(bag / "morning_0.mcap", bag.with_name("b.mcap.zstd"))
-    found = erase_from_journals(bag.parent, PersonMention("carla"))
-    assert [one.name for one in found.bags] == ["b.mcap.zstd", "morning"]
-    assert (bag / "morning_0.mcap").exists()
-
-
-def test_single_bag_file_is_read_on_its_own(journaled: JournaledSystem, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "morning", journaled.published, files=2)
-    result = CliRunner().invoke(replay, [str(bag / "morning_1.mcap")])
-    assert "as no host has sent its texts before" in result.output
-    assert "not recorded" in result.output

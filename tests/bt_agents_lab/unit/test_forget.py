@@ -134,10 +134,13 @@ def test_bag_beside_journals_is_left_and_named(kept: StateFolder) -> None:
     bag = kept.journal / "rosbag2_2026"
     bag.mkdir()
     (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
+    (kept.journal / "b.mcap.zstd").touch()
     result = forget(kept, "--yes")
     assert result.exit_code == 1
     assert "messages removed from 1 file" in result.stderr
-    assert "rosbag2_2026 is of 'ros2 bag' and left as it is; delete it" in result.stderr
+    assert "b.mcap.zstd and rosbag2_2026 " in result.stderr
+    assert "of 'ros2 bag' and left as it is; delete it" in result.stderr
+    assert bag.exists()
 
 
 def test_ledger_in_use_is_left_and_others_cleaned(kept: StateFolder) -> None:
@@ -155,13 +158,13 @@ def test_emptied_file_is_deleted(tmp_path: Path) -> None:
     journaled.write(tmp_path / "journal" / "journal-2026-05-04_001.mcap")
     erase_from_journals(tmp_path / "journal", PersonMention("carla"))
     assert list((tmp_path / "journal").iterdir()) == []
+    assert erase_from_journals(tmp_path / "journal", PersonMention("carla")).messages == 0
 
 
 @pytest.mark.parametrize(
     ("name", "text", "is_named"),
     [
         ("anna", "person/anna is forgotten", True),
-        ("anna", "'anna'", True),
         ("anna", "annabel, hanna and anna_2", False),
         ("Änne", '{"person_id": "\\u00c4nne"}', True),
         ("Änne", "für Änne", True),

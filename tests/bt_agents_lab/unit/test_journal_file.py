@@ -142,23 +142,6 @@ def test_failed_partial_write_leaves_file_unchanged(tmp_path: Path) -> None:
     assert ticks(file.path) == list(range(6))
 
 
-def test_failed_file_head_leaves_no_file(tmp_path: Path) -> None:
-    def write(_file: int, _data: bytes, _at: int) -> int:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    with pytest.raises(OSError, match="No space"):
-        JournalFile(tmp_path / "a.mcap", write)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_duplicate_messages_are_read_once(tmp_path: Path) -> None:
-    file = JournalFile(tmp_path / "a.mcap")
-    fill(file, 0, 3)
-    fill(file, 0, 3)
-    file.close()
-    assert ticks(file.path) == [0, 1, 2]
-
-
 # --- definitions of types ---------------------------------------------------------------------
 
 TYPES = {
