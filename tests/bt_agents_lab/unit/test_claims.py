@@ -20,7 +20,6 @@ from bt_agents_lab.experiments.replicas import opened, replicas, streams_of, wit
 from bt_agents_lab.experiments.sweep import sweep
 from bt_agents_lab.experiments.sweep_reader import read_sweep
 from bt_agents_lab.experiments.verdicts import Claim, as_markdown, judged, percent
-from bt_agents_language.model.experiment import closed_form
 from bt_agents_tools.cli.main import bt_agents
 from checkout import ROOT
 
@@ -47,15 +46,6 @@ def test_batched_runs_equal_experiments_with_their_seeds(name):
         for index, record in enumerate(records):
             after = many.course.profiles[row, index, many.course.awarded[row, index]]
             assert tuple(after.tolist()) == record.after
-
-
-def test_experiment_1_reaches_its_target_in_100_cycles():
-    folder, spec = opened(EXPERIMENTS / "1")
-    records = through_core(folder, spec)
-    assert len(records) == 100
-    assert records[-1].after == pytest.approx((5.0, 4.0, 1.0), abs=1e-8)
-    expected = closed_form((2.5, 2.5, 2.5), (5.0, 4.0, 1.0), 0.2, 100)
-    assert records[-1].after == pytest.approx(expected, abs=1e-12)
 
 
 def test_every_third_wrong_feedback_shifts_the_mean():

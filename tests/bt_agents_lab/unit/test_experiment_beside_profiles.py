@@ -23,22 +23,15 @@ format: 1
 agent: NAME
 profile: {age: AGE}
 learning_rate: 0.5
-tree:
-  succeed: true
-  set: {a: 1}
+tree: {wait: 1 s}
 """
 EXPERIMENT = """\
 format: 1
 title: pain
 rounds: 4
 seed: 1
-scenes:
-  - {age: 5, pain: 9}
-  - {age: 2, pain: 0}
-feedback:
-  each:
-    nurse: {age: 4}
-    clown: {age: 1}
+scenes: [{age: 5, pain: 9}, {age: 2, pain: 0}]
+feedback: {each: {nurse: {age: 4}, clown: {age: 1}}}
 """
 
 

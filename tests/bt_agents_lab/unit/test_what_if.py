@@ -244,4 +244,3 @@ def test_non_numeric_option_is_rejected(tmp_path: Path, text: str) -> None:
     result = CliRunner().invoke(command, ["--strategy", "softmax", text])
     assert result.exit_code == 2
     assert "not of the form name=number" in result.output
-    assert len(SPACE) == 3
