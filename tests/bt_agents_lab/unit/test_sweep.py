@@ -85,7 +85,6 @@ def test_shipped_sweeps_report_seeds_not_tuned_on(path):
         ("sigma: 0.3", "c: 2", "10:22", "no option 'c'"),
         ("sigma: 0.3", "sigma: 99", "10:29", "99"),
         ("tie_break: random", "tie_break: dice", "9:34", "random"),
-        ("  - plain\n", "  - plane\n", "12:5", "plain"),
         ("0.4]", "1.4]", "6:21", "1.4"),
         ("hold: 1 s", "hold: 1.5 s", "7:28", "whole seconds"),
         ("seconds: 8", "second: 8", "7:10", "seconds"),

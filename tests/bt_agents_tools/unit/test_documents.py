@@ -59,13 +59,7 @@ agent: example
 profile: {age: 3, familiarity: 3, mood: 3}
 tree: {wait: 1 s}
 """
-PATROL = """
-<root BTCPP_format="4">
-  <BehaviorTree ID="Main">
-    <Sequence><AlwaysSuccess/></Sequence>
-  </BehaviorTree>
-</root>
-"""
+PATROL = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
 
 
 def blocks(language: str) -> list[tuple[str, str]]:

@@ -67,11 +67,6 @@ def test_scene_label_cache_keeps_latest_labels():
     assert names.name_of("s" * 20_000) == "s" * 20_000
 
 
-def test_waiting_market_always_names_awaited_host():
-    shown = text_of(queued=2, message="waiting for /agents", is_end_shown=True)
-    assert shown.endswith("for 1 min 15 s: waiting for /agents")
-
-
 @pytest.mark.parametrize("heard", [["scene-7", "scene-7+1"], ["scene-7+1", "scene-7"]])
 def test_later_rounds_use_label_of_their_scene(heard):
     labels = {"scene-7": "a child", "scene-7+1": "sad"}
@@ -88,6 +83,8 @@ def test_idle_market_shows_last_end_unless_shown_elsewhere():
     over = "scene 'lady' is over: succeeded"
     assert text_of(message=over).endswith(f"for 1 min 15 s: {over}")
     assert text_of(message=over, is_end_shown=True) == "idle since 10:11:12, for 1 min 15 s"
+    waits = "waiting for /agents"
+    assert text_of(queued=2, message=waits, is_end_shown=True).endswith(f"15 s: {waits}")
 
 
 @pytest.mark.parametrize(

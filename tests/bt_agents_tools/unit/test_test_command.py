@@ -37,8 +37,7 @@ test: porter
 cases:
   - name: it apologises
     scene: {mood: 3}
-    expect:
-      says: [Hello., Sorry.]
+    expect: {says: [Hello., Sorry.]}
 """
 
 
@@ -70,7 +69,7 @@ def test_failing_case_shows_details_and_exits_with_1(trees: Path) -> None:
     file.write_text(BAD)
     result = run(file)
     assert result.exit_code == 1
-    assert f"{file}:7: says: 1 missing" in result.output
+    assert f"{file}:6: says: 1 missing" in result.output
     assert "✘ Sorry." in result.output
     assert '0.0 s  ▶ say "Hello."' in result.output
     assert "1 case: 0 passed, 1 failed" in result.output
@@ -173,7 +172,7 @@ def test_pytest_plugin_loads_neither_ros_nor_engine() -> None:
 def test_unknown_path_suggests_sibling_paths(trees: Path, path: str, hint: str) -> None:
     tree = "tree: {sequence: [{drive: gate 4}, {say: Hello.}]}\n"
     (trees / "agents" / "porter.yaml").write_text(AGENT.partition("tree:")[0] + tree)
-    write(trees, porter=BAD.partition("      says")[0] + f"      visited: {path}\n")
+    write(trees, porter=BAD.replace("says: [Hello., Sorry.]", f"visited: {path}"))
     output = run(trees).output
     assert "unknown-path" in output
     assert hint in output
