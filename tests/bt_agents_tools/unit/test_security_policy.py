@@ -54,7 +54,6 @@ def test_watch_role_changes_nothing(table: dict[str, Rights]) -> None:
         ("request", "feedback/manage", {"author", "studio"}),
         ("request", "agents/set_profile", {"feedback"}),
         ("publish", "bt_agents/bids", {"agents", "more"}),
-        ("publish", "agents/heartbeat", {"agents"}),
         ("request", "marketplace/cancel", {"feedback", "operate", "author", "studio"}),
         ("request", "marketplace/set_parameters_atomically", {"operate", "author", "studio"}),
         ("subscribe", "more/heartbeat", {"marketplace", "robot", "studio", *ROLES}),
