@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,14 +18,11 @@ from programs import ROOT
 
 pytestmark = pytest.mark.e2e
 
-TIMES = 5
+TIMES = 10
 """Number of kills of a system's market."""
 
 PAIRS = 2
 """Number of kills of the market with its host."""
-
-twice = pytest.mark.parametrize("attempt", [1, 2])
-"""Both tests together make 20 kills."""
 
 
 @pytest.fixture
@@ -77,11 +75,7 @@ def kill_at_the_end(
     return epoch
 
 
-@twice
-def test_run_end_is_announced_once_despite_market_crash(
-    system: System, fatal: Path, attempt: int
-) -> None:
-    del attempt
+def test_run_end_is_announced_once_despite_market_crash(system: System, fatal: Path) -> None:
     market = start(system)
     for number in range(TIMES):
         name = f"s{number}"
@@ -95,21 +89,13 @@ def test_run_end_is_announced_once_despite_market_crash(
     check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(TIMES)])
 
 
-@twice
-def test_scene_refusal_is_announced_once_despite_market_crash(
-    system: System, fatal: Path, attempt: int
-) -> None:
-    del attempt
+def test_scene_refusal_is_announced_once_despite_market_crash(system: System, fatal: Path) -> None:
     market = start(system)
     for number in range(TIMES):
         system.old_person(f"first{number}")
         system.until_speaking("leo speaks")
         name = f"s{number}"
-
-        def refuse(name: str = name) -> None:
-            system.old_person(name)
-
-        epoch = kill_at_the_end(system, market, fatal, refuse)
+        epoch = kill_at_the_end(system, market, fatal, partial(system.old_person, name))
 
         found = system.until_end_of(name)
         assert (found.epoch, found.code) == (epoch, "BUSY")
