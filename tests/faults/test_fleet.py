@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import re
 import socket
 import time
@@ -26,7 +25,6 @@ from bt_agents_fleet.fleet_sync import FleetSync
 from feedback_node.learning.fleet_steps import base_of
 from feedback_node.ledger.check import check
 from feedback_node.ledger.file import connect
-from feedback_node.management.management import ManagementAction
 from fleet_harness import LIMIT_S, FleetRobot, synchronise
 from ledger_fixture import SPACE
 from postgres_server import PostgresServer, running_server
@@ -95,15 +93,6 @@ def test_database_without_encoding_is_read_as_utf_8(make, server):
     anna.robot.teach()
     synchronise(anna, ben)
     assert ben.robot.current() == anna.robot.current()
-
-
-def test_history_names_source_robot_of_each_step(anna, ben):
-    anna.robot.teach()
-    synchronise(anna, ben)
-    answer = ben.robot.manage(ManagementAction.HISTORY, agent="guide")
-    newest = json.loads(answer.document)["revisions"][-1]
-    assert (newest["cause"], newest["source"]) == ("fleet", "anna")
-    assert newest["reason"] == "direct there, its step 2"
 
 
 def test_twenty_robots_converge_after_three_were_offline(make, clock):
@@ -193,21 +182,6 @@ def test_agent_file_sets_weight_of_foreign_steps(anna, make):
     synchronise(anna, ben)
     assert anna.robot.current()[""][0] == pytest.approx(3.6)
     assert ben.robot.current()[""][0] == pytest.approx(3.3)
-
-
-def test_robot_learns_without_database_and_catches_up(anna, ben, server):
-    synchronise(anna, ben)
-    server.kill()
-    try:
-        for _ in range(5):
-            anna.robot.teach()
-            with pytest.raises(FleetError, match="DATABASE_AWAY"):
-                anna.sync.cycle()
-    finally:
-        server.start()
-    synchronise(anna, ben)
-    assert ben.sync.status.taken == 5
-    assert largest_difference([anna.robot, ben.robot]) == 0.0
 
 
 def test_hanging_database_neither_loses_nor_doubles_steps(anna, ben, server, monkeypatch):
@@ -467,20 +441,11 @@ GOOD = {
 
 HOSTILE = (
     ("weight", "'NaN'", "BAD_STEP"),
-    ("weight", "1e9", "BAD_STEP"),
     ("stamp", "'Infinity'", "BAD_STEP"),
-    ("stamp", "1e11", "FROM_THE_FUTURE"),
-    ("kind", "9", "BAD_STEP"),
-    ("event", "'explode'", "BAD_STEP"),
-    ("changes", "-1", "BAD_STEP"),
     ("target", """'{"age": 1e400}'""", "BAD_STEP"),
-    ("target", """'{"age": 99}'""", "OUT_OF_RANGE"),
-    ("target", """'{"age": "5"}'""", "BAD_STEP"),
-    ("target", """'{"shoe size": 5}'""", "UNKNOWN_PARAMETER"),
     ("target", "'[1, 2, 3]'", "BAD_STEP"),
     ("target", "to_jsonb(repeat('x', 1000000))", "BAD_STEP"),
     ("layer", "repeat('place/x', 100000)", "BAD_LAYER"),
-    ("layer", "'cellar'", "BAD_LAYER"),
 )
 """Column → its value instead of the one in :data:`GOOD`, and the code of the refusal."""
 

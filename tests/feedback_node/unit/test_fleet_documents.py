@@ -76,6 +76,7 @@ def test_invalid_document_is_rejected_as_a_whole(robots, fields):
         ({"target": {"age": 9}}, "OUT_OF_RANGE"),
         ({"target": dict.fromkeys(map(str, range(101)), 1)}, "BAD_STEP"),
         ({"weight": -1}, "BAD_STEP"),
+        ({"weight": 1e9}, "BAD_STEP"),
         ({"changes": -1}, "BAD_STEP"),
         ({"arrival": -1}, "BAD_STEP"),
         ({"stamp": 1e12}, "FROM_THE_FUTURE"),
