@@ -11,7 +11,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -182,6 +181,13 @@ def test_kills_neither_lose_nor_duplicate_acknowledged_revisions(tmp_path, write
     expected: dict[str, tuple[str, str, int, float]] = {}
     forgotten: set[str] = set()
     acknowledged = kills_in_the_middle = 0
+
+    def forget(*layer: str) -> None:
+        gone = [one for one, row in expected.items() if row[:2] == layer]
+        forgotten.update(gone)
+        for one in gone:
+            del expected[one]
+
     for seed in range(KILLS):
         heard = writers.run(path, seed, chance.randrange(10), chance.uniform(0.0, 0.02))
         under_way: list[Any] = []
@@ -192,18 +198,12 @@ def test_kills_neither_lose_nor_duplicate_acknowledged_revisions(tmp_path, write
                 expected[one] = (agent, layer, revision, age)
                 acknowledged += 1
             elif what == "forgotten":
-                gone = [i for i, row in expected.items() if list(row[:2]) == words]
-                forgotten.update(gone)
-                for one in gone:
-                    del expected[one]
+                forget(*words)
             under_way = [what, *words] if what in ("recording", "forgetting") else []
         kills_in_the_middle += bool(under_way)
         with Ledger(path) as ledger:
             if under_way[:1] == ["forgetting"] and not ledger.current(*under_way[1:]):
-                gone = [i for i, row in expected.items() if list(row[:2]) == under_way[1:]]
-                forgotten.update(gone)
-                for one in gone:
-                    del expected[one]
+                forget(*under_way[1:])
             found = {
                 row.cause.feedback_id: (row.agent, row.layer, row.revision, row.profile["age"])
                 for agent in ledger.agents()
@@ -411,33 +411,6 @@ def test_lost_file_is_harmless_or_reported(tmp_path, lost, found):
     files.lay()
     files._part(lost).unlink()
     assert files.judge() == (found if found != -1 else len(files.states) - 1)
-
-
-def test_full_disk_refuses_writes_until_space_returns(tmp_path):
-    with Ledger(tmp_path / "ledger.sqlite") as ledger:
-        ledger.enter({"guide": {"age": 0.0}})
-        pages = ledger._database.execute("PRAGMA page_count").fetchone()[0]
-        ledger._database.execute(f"PRAGMA max_page_count = {pages}")
-        taken = 0
-
-        def give() -> Any:
-            cause = RevisionCause(feedback_id=f"f{taken}", reason="long" * 100)
-            return ledger.append("guide", {"age": float(taken)}, cause)
-
-        with suppress(LedgerError):
-            while taken < 1000:
-                give()
-                taken += 1
-        with pytest.raises(LedgerError) as error:
-            give()
-        assert error.value.code == "STORAGE_FULL"
-        assert "make room" in error.value.reason
-        assert len(ledger.history("guide")) == taken + 1
-        ledger._database.execute("PRAGMA max_page_count = 1000000")
-        row = ledger.append("guide", {"age": 1.0}, RevisionCause(feedback_id=f"f{taken}"))
-        assert row.revision == taken + 1
-    with Ledger(tmp_path / "ledger.sqlite") as again:
-        assert len(again.history("guide")) == taken + 2
 
 
 def test_outdated_page_is_reported(tmp_path):
