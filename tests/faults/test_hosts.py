@@ -12,7 +12,7 @@ from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
 from market_node_harness import FakeHost
 from marketplace_node.settings import Settings
-from processes import BEATS_A_SECOND, HeartbeatProbe, NodeProcess, System, write_trees
+from processes import BEATS_A_SECOND, NodeProcess, System, write_trees
 
 pytestmark = pytest.mark.e2e
 
@@ -63,13 +63,6 @@ def close_round(system: System, silent: FakeHost, number: int) -> None:
     silent.silent = True
 
 
-def until_lost(system: System, other: HeartbeatProbe) -> tuple[Run, int]:
-    """Wait until leo is lost; return that end and the other host's beats until then."""
-    before = other.count
-    system.until(lambda: system.ended("leo"), "the end of leo's run")
-    return system.ended("leo")[0], other.count - before
-
-
 @pytest.mark.parametrize("fault", ["killed", "hung"])
 def test_lost_host_is_replaced_by_next_agent_quickly(system: System, fault: str) -> None:
     host, _ = two_hosts(system)
@@ -80,10 +73,12 @@ def test_lost_host_is_replaced_by_next_agent_quickly(system: System, fault: str)
         host.kill()
     else:
         host.hang()
-    lost, beats = until_lost(system, heartbeat_probe)
+    beats = heartbeat_probe.count
+    system.until(lambda: system.ended("leo"), "the end of leo's run")
+    assert heartbeat_probe.count - beats <= 2 * BEATS_A_SECOND
+    lost = system.ended("leo")[0]
     assert lost.outcome == Run.LOST
     assert "/agents_a is gone: no heartbeat" in lost.message
-    assert beats <= 2 * BEATS_A_SECOND
     system.until(lambda: system.started("mira"), "mira's start")
     system.until(lambda: len(system.auctions) == 2, "the second auction")
     second = system.auctions[-1]
@@ -142,13 +137,6 @@ def test_resumed_host_does_not_act_on_expired_wait(system: System) -> None:
     assert system.say_server.texts == ["leo begins", "mira begins"]
 
 
-def let_them_speak(system: System, *texts: str) -> None:
-    """Let a tree that says these texts run to its end."""
-    for text in texts:
-        system.until_speaking(text)
-        system.say_server.finish()
-
-
 def test_host_hanging_after_its_bid_loses_run(system: System) -> None:
     host, _ = two_hosts(system, bid_deadline=1.0)
     silent = silent_host(system)
@@ -173,7 +161,9 @@ def test_host_hanging_after_its_bid_loses_run(system: System) -> None:
         system.until(
             lambda n=beats: first.count > n + 2 and not first.busy, "leo's host beats and is idle"
         )
-        let_them_speak(system, "mira begins", "mira ends")
+        for text in ("mira begins", "mira ends"):
+            system.until_speaking(text)
+            system.say_server.finish()
         assert system.until_end_of(scene_id).agent == "mira"
         assert system.say_server.texts[said:] == ["mira ends"]
         # The hang may come when the probe has received the bid but the market has not.

@@ -46,16 +46,6 @@ def all_wait_for_the_host(system: System) -> bool:
     return (status.awaited_hosts, status.queued) == (["/agents"], len(LINE))
 
 
-def check_that_the_line_runs(system: System) -> None:
-    system.say_server.let_go()
-    system.until(lambda: all(system.ends_of(name) for name in LINE), "the end of every scene")
-    assert [system.ends_of(name)[0].code for name in LINE] == ["SUCCEEDED"] * len(LINE)
-    ends = Counter(end.scene_id for end in system.ends)
-    assert set(ends.values()) == {1}
-    last = system.started("leo")[-len(LINE) :]
-    assert [run.scene.scene_id for run in last] == list(LINE), "in their order, and each once"
-
-
 @pytest.mark.parametrize("how", ["hangs", "is killed", "is terminated"])
 def test_queued_scenes_survive_loss_of_their_only_host(system: System, how: str) -> None:
     _, host = market_and_host(system, host_lease=Settings().host_lease_s)
@@ -67,7 +57,12 @@ def test_queued_scenes_survive_loss_of_their_only_host(system: System, how: str)
     else:
         system.until(lambda: host.ended, "the end of the host")
         host.start()
-    check_that_the_line_runs(system)
+    system.say_server.let_go()
+    system.until(lambda: all(system.ends_of(name) for name in LINE), "the end of every scene")
+    assert [system.ends_of(name)[0].code for name in LINE] == ["SUCCEEDED"] * len(LINE)
+    assert set(Counter(end.scene_id for end in system.ends).values()) == {1}
+    last = system.started("leo")[-len(LINE) :]
+    assert [run.scene.scene_id for run in last] == list(LINE), "in their order, and each once"
     [end] = system.ends_of("s1")
     assert end.code == ("CANCELLED" if how == "is terminated" else "LOST")
 
