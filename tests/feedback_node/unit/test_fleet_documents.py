@@ -105,6 +105,23 @@ def test_steps_exceeding_layer_limit_are_rejected(robots, monkeypatch):
     assert ben.current()[""] == anna.current()[""]
 
 
+@pytest.mark.parametrize("taught_later", [False, True])
+def test_forgotten_layer_loses_only_earlier_steps(robots, taught_later):
+    anna, ben = robots
+    anna.teach(place="lobby")
+    earlier = anna.steps()
+    ben.take(earlier)
+    anna.forget("place/lobby")
+    ben.clock.now += 60.0
+    if taught_later:
+        ben.teach(place="lobby")
+    assert ben.take(anna.steps()) == []
+    assert ("place/lobby" in ben.current()) == taught_later
+    cleo = Robot("cleo", ben.clock)
+    cleo.take(anna.steps())
+    assert {one["code"] for one in cleo.take(earlier)} == {"FORGOTTEN"}
+
+
 def test_imported_steps_survive_restart_in_same_order(tmp_path):
     clock = Clock()
     path = str(tmp_path / "ledger.sqlite")
