@@ -12,12 +12,12 @@ from processes import System, write_trees
 pytestmark = pytest.mark.e2e
 
 ORDERS = (
-    (OperateMarket.Request.PIN, "leo", []),
-    (OperateMarket.Request.VETO, "leo", ["mira"]),
-    (OperateMarket.Request.UNPIN, "", ["mira"]),
-    (OperateMarket.Request.ALLOW, "", []),
+    (OperateMarket.Request.PIN, "leo", "leo", []),
+    (OperateMarket.Request.VETO, "mira", "leo", ["mira"]),
+    (OperateMarket.Request.UNPIN, "leo", "", ["mira"]),
+    (OperateMarket.Request.ALLOW, "mira", "", []),
 )
-"""Order → the pinned and the vetoed agent after it."""
+"""Order and its agent → the pinned and the vetoed agents after it."""
 
 
 def test_acknowledged_pin_or_veto_survives_immediate_kill(system: System) -> None:
@@ -28,12 +28,7 @@ def test_acknowledged_pin_or_veto_survives_immediate_kill(system: System) -> Non
     orders = system.ros.node.create_client(
         OperateMarket, "marketplace/operate", qos_profile=qos.SERVICE
     )
-    for action, pinned, vetoed in ORDERS:
-        agent = (
-            "mira"
-            if action in (OperateMarket.Request.VETO, OperateMarket.Request.ALLOW)
-            else "leo"
-        )
+    for action, agent, pinned, vetoed in ORDERS:
         answer = system.ask(orders, OperateMarket.Request(action=action, agent=agent))
         market.kill()
         epoch = system.epoch
