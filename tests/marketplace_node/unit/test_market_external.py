@@ -102,16 +102,6 @@ def test_host_dying_during_wait_is_skipped(market: MarketHarness) -> None:
     assert market.events == ["1 professional_express REFUSED", "1 attentive_guide REFUSED"]
 
 
-def test_scene_arriving_during_wait_is_queued(asked: MarketHarness) -> None:
-    asked.scene("s2")
-    assert asked.status.queued == 1
-
-    asked.ranked(EXPRESS)
-    asked.perform()
-    assert [question.round for question in asked.questions] == [1]
-    assert asked.calls[-1].scene.scene_id == "s2"
-
-
 def test_strategy_switch_during_wait_applies_next_round(asked: MarketHarness) -> None:
     asked.configure(strategy="manhattan")
     asked.ranked(EXPRESS)

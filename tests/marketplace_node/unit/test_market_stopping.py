@@ -142,14 +142,6 @@ def test_scenes_queue_in_order_up_to_limit() -> None:
     assert market.status.queued == 2, "there is room again"
 
 
-def test_a_known_scene_id_is_a_duplicate(running: MarketHarness) -> None:
-    running.scene("s2")
-    for name in ("s1", "s2"):
-        running.scene(name)
-
-    assert running.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
-
-
 def test_shutdown_stops_run_and_drops_queued_scenes(running: MarketHarness) -> None:
     running.scene("s2")
     running.shut_down()

