@@ -302,20 +302,6 @@ def test_person_not_seen_longest_is_forgotten_first():
 # --- state that survives a restart --------------------------------------------------------
 
 
-def test_only_known_persons_survive_restart(harness):
-    harness.watch(range(3), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0})
-    text = to_text(*harness.memory.snapshot(harness.estimate.encounters.known))
-    persons, places = from_text(text, SPEC.space, 1e9)
-    assert (set(persons), places) == ({"anna"}, {})
-    memory = Memory(SPEC.space)
-    memory.restore(persons, places)
-    again = SceneLayerHarness(SPEC, memory)
-    again.see(0.0, anna={})
-    again.announce()
-    age = again.value("age")
-    assert (age.value, age.source) == (5.0, "anna, seen 2 times")
-
-
 def test_ids_gone_between_two_updates_leave_no_data(harness):
     for picture in range(40):
         harness.estimate.encounters.persons.receive_ids([f"face{picture}"], 0.01 * picture)
