@@ -342,30 +342,6 @@ def test_robot_needs_no_permission_to_create_tables(make, server, database, rows
     assert rows("SELECT robot FROM step") == [("ben",)]
 
 
-def test_remote_server_is_verified_by_certificate_and_name(tmp_path):
-    authority, other = tmp_path / "authority.crt", tmp_path / "other.crt"
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    with running_server() as server:
-        server.certify(other)
-        server.certify(authority)
-        server.kill()
-        server.start(port)
-
-        def join(host: str, certificate: Path) -> None:
-            address = checked_address(
-                f"postgresql://fleet@{host}:{port}/postgres?sslrootcert={certificate}"
-            )
-            with closing(FleetDatabase(address, "anna", limit_s=LIMIT_S)) as database:
-                database.join()
-
-        join("localhost", authority)
-        with pytest.raises(FleetError, match="certificate verify failed"):
-            join("localhost", other)
-        with pytest.raises(FleetError, match="does not match host name"):
-            join("127.0.0.1", authority)
-
-
 def test_robot_joins_server_from_compose_file(tmp_path):
     deploy = Path(str(files("bt_agents_fleet"))) / "deploy"
     service = yaml.safe_load((deploy / "compose.yaml").read_text())["services"]["database"]
@@ -375,13 +351,14 @@ def test_robot_joins_server_from_compose_file(tmp_path):
     assert of_image["POSTGRES_PASSWORD_FILE"] == f"/run/secrets/{service['secrets'][0]}"
     port = int(service["ports"][0].partition(":")[2])
     assert port == 5432  # the default port of an address
-    authority = tmp_path / "authority.crt"
+    authority, other = tmp_path / "authority.crt", tmp_path / "other.crt"
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     # Like its image: create the data folder with the password and the arguments.
     initdb = of_image["POSTGRES_INITDB_ARGS"].split()
     with running_server(password="secret", initdb=initdb) as server:
         server.execute(f"CREATE DATABASE {of_image['POSTGRES_DB']}")
+        server.certify(other)
         server.certify(authority)
         mounted = {
             target: {"server.crt": server.certificate, "server.key": server.key}[Path(own).name]
@@ -394,20 +371,24 @@ def test_robot_joins_server_from_compose_file(tmp_path):
         server.start(port, settings)
         user, name = of_image["POSTGRES_USER"], of_image["POSTGRES_DB"]
         passwords = tmp_path / "passwords"
-        address = checked_address(
-            f"postgresql://{user}@localhost:{port}/{name}"
-            f"?sslrootcert={authority}&passfile={passwords}"
-        )
 
-        def join(password: str) -> None:
-            passwords.write_text(f"localhost:*:*:*:{password}\n")
+        def join(
+            host: str = "localhost", certificate: Path = authority, password: str = "secret"
+        ) -> None:
+            passwords.write_text(f"{host}:*:*:*:{password}\n")
             passwords.chmod(0o600)
+            options = f"sslrootcert={certificate}&passfile={passwords}"
+            address = checked_address(f"postgresql://{user}@{host}:{port}/{name}?{options}")
             with closing(FleetDatabase(address, "anna", limit_s=LIMIT_S)) as opened:
                 opened.join()
 
-        join("secret")
+        join()
         with pytest.raises(FleetError, match="password authentication failed"):
-            join("guessed")
+            join(password="guessed")
+        with pytest.raises(FleetError, match="certificate verify failed"):
+            join(certificate=other)
+        with pytest.raises(FleetError, match="does not match host name"):
+            join("127.0.0.1")
         assert service["healthcheck"]["test"] == ["CMD-SHELL", f"pg_isready -U {user} -d {name}"]
 
 
