@@ -123,17 +123,6 @@ def test_second_market_is_refused_naming_first(system: System) -> None:
     assert first.exit_code is None
 
 
-def test_killed_market_does_not_block_its_successor(system: System) -> None:
-    trees = write_trees(system.folder / "trees", leo=(3.0, "wait: 0 s"))
-    market = system.market(trees)
-    system.until(lambda: system.epoch, "the first market")
-    for _ in range(3):
-        before = system.kill_market(market)
-        market.start()
-        system.until(lambda b=before: system.epoch != b, "the next market")
-    assert "SECOND_MARKET" not in market.said
-
-
 def test_market_replaced_during_hang_gives_way(system: System) -> None:
     trees = write_trees(system.folder / "trees", leo=(3.0, "wait: 0 s"))
     beats = system.ros.collect(MarketHeartbeat, "marketplace/heartbeat", qos.EVENTS)

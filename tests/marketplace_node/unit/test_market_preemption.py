@@ -263,41 +263,35 @@ def test_full_queue_holds_one_extra_urgent_scene() -> None:
 
 
 @pytest.mark.parametrize(
-    ("what", "words", "end"),
-    [
-        ("ends", "the run ended", "SUCCEEDED"),
-        ("lost", "the run ended", "LOST"),
-        ("cancel", "the run is being stopped", "CANCELLED"),
-        ("again", "the run is being stopped", "CANCELLED"),
-    ],
+    ("stopped", "words", "end"),
+    [(False, "the run ended", "SUCCEEDED"), (True, "the run is being stopped", "CANCELLED")],
 )
 def test_a_challenge_ends_with_the_run(
-    market: MarketHarness, what: str, words: str, end: str
+    market: MarketHarness, stopped: bool, words: str, end: str
 ) -> None:
     market.scene("s2")
-    if what == "ends":
-        market.end()
-    elif what == "lost":
-        market.die()
-        market.now += 1.0
-        market.do(market.market.tick(market.now))
-        market.busy["/agents"] = 0
-    else:
-        market.cancel("button", again=what == "again", round_number=1)
-        market.end(outcome=3)
+    if stopped:
+        market.cancel("button", round_number=1)
+    market.finish(outcome=3 if stopped else 1)
 
     (auction,) = (a for a in market.all(PublishAuction) if a.decision.terms.round == 2)
     assert auction.decision.outcome is AuctionOutcome.WAITS
     assert auction.decision.closed_by is ClosedBy.STOPPED
     assert auction.reason == f"stopped before the round closed: {words}"
-    market.collect()
-    if what == "again":
-        assert market.status.scene_id == "s1", "another agent takes over first"
-        market.bid(vectors={EXPRESS: FAR})
-        market.accept()
-        assert market.calls[-1].scene.scene_id == "s2", "then it is asked about anew"
-        market.finish(goal=market.goal)
-    assert market.ends[0] == ("s1", end if what != "again" else "SUCCEEDED")
+    assert market.ends == [("s1", end)]
+
+
+def test_another_agent_runs_before_challenge_opens_anew(market: MarketHarness) -> None:
+    market.scene("s2")
+    market.cancel("button", again=True, round_number=1)
+    market.finish(outcome=3)
+    assert market.status.scene_id == "s1"
+    market.bid(vectors={EXPRESS: FAR})
+    market.accept()
+    assert market.calls[-1].scene.scene_id == "s2"
+    market.finish()
+
+    assert market.ends == [("s1", "SUCCEEDED")]
 
 
 def test_late_or_foreign_challenge_responses_change_nothing(market: MarketHarness) -> None:

@@ -83,18 +83,6 @@ def test_lease_starts_at_first_heartbeat_or_after_allowance(registry: Registry) 
     assert live(registry, 9.0 + FIRST_HEARTBEAT_S) == ["/agents"], "each start has its own time"
 
 
-def test_only_dead_host_can_be_replaced(registry: Registry) -> None:
-    registry.register(registration(), 0.0)
-    registry.heartbeat("/agents", "first", 0.9)
-    early = registry.register(registration(instance="second"), 1.5)
-    late = registry.register(registration(instance="second"), 2.0)
-
-    assert not early.accepted
-    assert early.agent_ids == (0, 0)
-    assert "HOST_EXISTS" in early.message
-    assert late.accepted
-
-
 def test_live_host_is_replaced_only_with_its_token(registry: Registry) -> None:
     token = registry.register(registration(), 0.0).token
     assert registry.register(registration(), 0.1).token == token, "the answer was not read"

@@ -7,7 +7,6 @@ import pytest
 
 from market_harness import EXPRESS, GUIDE, MarketHarness, with_host
 from marketplace_node.effects import Alarm, Collect, PublishAuction
-from marketplace_node.hosts.registry import HostEntry
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.statistics import Starvation
 
@@ -42,19 +41,6 @@ def test_starvation_alarm_is_raised_once_until_win(market: MarketHarness) -> Non
     assert market.status.starved == ()
     play(market, 3)
     assert (market.status.starved, len(market.all(Alarm))) == ((EXPRESS,), 2)
-
-
-def test_registering_again_compares_host_only_once(
-    market: MarketHarness, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    play(market, 3)
-    compared = []
-    equals = HostEntry.__eq__
-    monkeypatch.setattr(
-        HostEntry, "__eq__", lambda one, other: compared.append(one) or equals(one, other)
-    )
-    assert market.register().accepted
-    assert (market.status.starved, len(compared)) == ((EXPRESS,), 1)
 
 
 def test_no_agent_is_starved_without_limit(market: MarketHarness) -> None:

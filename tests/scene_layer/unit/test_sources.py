@@ -230,19 +230,6 @@ def test_smoothed_reading_lags_and_restarts_after_gap():
     assert sources.latest("mood", 9.0).value == 5.0
 
 
-def test_per_person_source_keeps_readings_apart():
-    sources, spec = written(topic("data", name="p/<person>/mood"), PERSONS)
-    (mood,) = spec.sources
-    read(sources, mood, 2.0, 0.0, "anna")
-    read(sources, mood, 4.0, 0.0, "ben")
-    assert sources.latest("mood", 1.0, "anna").value == 2.0
-    assert sources.latest("mood", 1.0, "ben").value == 4.0
-    assert sources.latest("mood", 1.0) is None
-    sources.forget("anna")
-    assert sources.latest("mood", 1.0, "anna") is None
-    assert sources.latest("mood", 1.0, "ben").value == 4.0
-
-
 def test_impersonal_source_counts_for_every_person():
     each, all_ = topic("data", name="p/<person>/mood"), topic("data", name="room")
     sources, spec = written(f"[{each}, {all_}]", PERSONS)
