@@ -150,6 +150,21 @@ def test_undo_without_effect_still_counts_as_undone(file):
     assert Host(file).store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0}
 
 
+def test_restart_restores_values_and_undo_history(tmp_path):
+    first = Host(tmp_path / "t.json")
+    first.store.set({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
+    first.store.set({"a.attempts": 4}, ANNA)
+    first.undo()
+    first.store.close()
+    again = Host(tmp_path / "t.json")
+    names = ("a.patience", "tick_rate", "a.attempts")
+    assert [again.store.value(name) for name in names] == [12.0, 30.0, 2]
+    again.undo()
+    assert again.store.value("a.patience") == 8.0
+    assert again.store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0, "tick_rate": 30.0}
+    again.store.close()
+
+
 PATIENCE = PARAMETERS[1]
 
 
