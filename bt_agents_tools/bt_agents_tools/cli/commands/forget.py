@@ -141,8 +141,8 @@ def _from_journals(folder: Path, person: PersonMention) -> str:
     if found.bags:
         names = join_first(one.name for one in found.bags)
         raise BtAgentsError(
-            f"{done}, but {names} is of 'ros2 bag' and left as it is; delete it if it may name "
-            "the person"
+            f"{done}, but no recording of 'ros2 bag' is changed; delete what may name the person: "
+            f"{names}"
         )
     return done
 
