@@ -46,7 +46,7 @@ def entered() -> Iterator[set[str]]:
 def test_cycle_passes_every_file_named_on_page(ros: Any, tmp_path: Path) -> None:
     trees = write_agents(tmp_path, young=1.5, old=4.5)
     for file in (trees / "agents").iterdir():
-        file.write_text(re.sub(r"^tree: .*$", TREE, file.read_text(), flags=re.MULTILINE))
+        file.write_text(re.sub(r"^tree:\n.*$", TREE, file.read_text(), flags=re.MULTILINE))
     silent = Parameter("voice", value="off")
     robot = ros.add(RobotNode(parameter_overrides=[silent, Parameter("pace", value=10.0)]))
     system = System(ros, trees)
