@@ -197,16 +197,17 @@ class RobotNode(BaseNode):
         if max(len(message.epoch), len(message.agent)) <= LONGEST_NAME:
             self._fence.on_market(RunKey.of(message))
 
-    def _why_late(self, run: Any) -> str:
-        """Return and log why a goal or request is too late; return nothing if it is in time."""
-        if not self._fence.is_over(RunKey.of(run)):
-            return ""
-        reason = (
+    def _late_refusal(self, run: RunKey) -> Refused | None:
+        """Return and log the refusal of a goal or request that is too late."""
+        if not self._fence.is_over(run):
+            return None
+        refused = Refused(
+            RefusalCode.OVER,
             f"it belongs to the run of {printable(run.agent[:LONGEST_NAME])} in round "
-            f"{run.round}, from which the market has gone on; it was held up on its way"
+            f"{run.round}, from which the market has gone on; it was held up on its way",
         )
-        self.get_logger().warning(f"refused: {RefusalCode.OVER}: {reason}")
-        return reason
+        self.get_logger().warning(f"too late: {refused}")
+        return refused
 
     # Screen
 
@@ -265,10 +266,11 @@ class RobotNode(BaseNode):
 
     def _answer_goal(self, request: Any) -> GoalResponse:
         """Reject a late goal; before another one begins, end what earlier runs have left."""
-        if self._why_late(request.run):
+        run = RunKey.of(request.run)
+        if self._late_refusal(run) is not None:
             return GoalResponse.REJECT
         for one in list(self._performed):
-            if self._fence.is_superseded(RunKey.of(one.goal.request.run), RunKey.of(request.run)):
+            if self._fence.is_superseded(RunKey.of(one.goal.request.run), by=run):
                 self._end(one, "the robot was asked to act for the next run")
         return GoalResponse.ACCEPT
 
@@ -415,8 +417,8 @@ class RobotNode(BaseNode):
         self._transcript.publish(String(data=shown))
 
     def _on_light(self, request: Any, response: Any) -> Any:
-        if reason := self._why_late(request.run):
-            response.message = reason
+        if (late := self._late_refusal(RunKey.of(request.run))) is not None:
+            response.message = late.reason
             return response
         colour = request.colour.strip().lower()
         if colour not in COLOURS:
