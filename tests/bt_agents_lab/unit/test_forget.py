@@ -138,7 +138,7 @@ def test_bag_beside_journals_is_left_and_named(kept: StateFolder) -> None:
     result = forget(kept, "--yes")
     assert result.exit_code == 1
     assert "messages removed from 1 file" in result.stderr
-    assert "delete what may name the person: b.mcap.zstd and rosbag2_2026\n" in result.stderr
+    assert "delete those that may name the person: b.mcap.zstd and rosbag2_2026\n" in result.stderr
     assert bag.exists()
 
 

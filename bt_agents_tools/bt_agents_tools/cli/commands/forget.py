@@ -141,8 +141,7 @@ def _from_journals(folder: Path, person: PersonMention) -> str:
     if found.bags:
         names = join_first(one.name for one in found.bags)
         raise BtAgentsError(
-            f"{done}, but no recording of 'ros2 bag' is changed; delete what may name the person: "
-            f"{names}"
+            f"{done}, but bags are not changed; delete those that may name the person: {names}"
         )
     return done
 
