@@ -32,7 +32,7 @@ class Hello:
         version: :data:`VERSION`.
         studio: Identifier of this start of the studio; sequence numbers of others are invalid.
         now_s: Clock of the studio [s since 1970]; all times refer to it.
-        role: Role of the client: ``view`` or ``operate``.
+        role: Role of the client's session.
         parameters: The scene parameters of the trees folder.
         namespace: Namespace of the system.
         span_s: Length of a running system's history [s].
@@ -80,7 +80,7 @@ class Moment:
 
     Attributes:
         snapshot: The snapshot without its entries.
-        entries: Its entries as JSON.
+        entries: Its entries as JSON; a page keeps the events that it has.
     """
 
     snapshot: Snapshot
