@@ -170,11 +170,10 @@ def measure(effort: Effort) -> Iterator[Row]:
             found = system.flood(kind, target, effort.scale * FLOOD_S, rest_s)
             yield Row(
                 case=kind,
-                side=target,
+                side=f"{target}: {found.sent:,} sent, memory {found.growth_mb:+.0f} MB",
                 values=[found.silence_s],
                 floor="without it",
                 floor_values=[found.before_s],
-                note=f"memory {found.growth_mb:+.0f} MB, sent {found.sent}",
             )
 
 
