@@ -41,7 +41,10 @@ if TYPE_CHECKING:
     from bt_agents_language.files.folder_reader import Trees
 
 _LOOK_S = 0.5
-"""Time to look for another market after the trees are read, while discovery goes on [s]."""
+"""Time from the start of discovery until another market would have been heard [s]."""
+
+_LEAST_LOOK_S = 0.1
+"""Time to take the messages that arrived while the trees were read [s]."""
 
 one_process_option = click.option(
     "--one-process",
@@ -157,8 +160,9 @@ def run_system(
         ) as fork_server,
     ):
         console = Console()
-        # Its discovery begins at once.
+        # Its discovery goes on while the trees are read.
         observer = new_observer()
+        heard_s = time.monotonic() + _LOOK_S
         system = SupervisedSystem(
             processes,
             interrupt,
@@ -171,7 +175,8 @@ def run_system(
             folder = _read_agents(trees, tags, console)
             printer = EventPrinter(console, folder.scene.space)
             observer.notify(printer)
-            system.spin_until(lambda: observer.market is not None, _LOOK_S)
+            look_s = max(_LEAST_LOOK_S, heard_s - time.monotonic())
+            system.spin_until(lambda: observer.market is not None, look_s)
             if observer.market is not None:
                 raise BtAgentsError(
                     f"a system already runs on ROS domain {current_domain()}; end it, or set "
