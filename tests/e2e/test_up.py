@@ -128,9 +128,7 @@ def test_agent_completes_run_after_killed_components_restart(
     for component in COMPONENTS:
         pid = process_of(up, component)
         os.kill(pid, signal.SIGKILL)
-        ended = up.until(
-            rf"^{component} ended \(killed by signal 9\): starting it again in 0\.5 s"
-        )
+        ended = up.until(rf"^{component} ended \(killed by signal 9\): starting it again")
         assert Path(ended.partition("(log: ")[2].rstrip(")\n")).is_file()
         up.until(rf"^{component} is back after \d+\.\d s")
         assert process_of(up, component) != pid
@@ -149,7 +147,7 @@ def test_single_process_restarts_like_a_component(
 ) -> None:
     up = start_up(str(only_the_greeter(tmp_path)), "--one-process")
     os.kill(node_of(up.process.pid, "bt_agents_ros.one_process"), signal.SIGKILL)
-    up.until(r"^system ended \(killed by signal 9\): starting it again in 0\.5 s")
+    up.until(r"^system ended \(killed by signal 9\): starting it again")
     up.until(r"^system is back after \d+\.\d s")
     until_the_greeter_succeeds(up, ask)
     assert len(nodes(up.process.pid)) == 1
@@ -160,7 +158,7 @@ def test_single_process_restarts_like_a_component(
 
 def test_ctrl_c_during_restart_delay_ends_everything(start_up: Start) -> None:
     up = start_up()
-    for _ in range(2):  # so that the wait is a whole second
+    for _ in range(3):  # until the wait is a whole second
         os.kill(process_of(up, "robot"), signal.SIGKILL)
         up.until("robot ended")
         if "in 1 s" in up.output:

@@ -154,9 +154,9 @@ def discovery_text(environment: Mapping[str, str]) -> str:
 
 
 class Backoff:
-    """Exponential back-off between restarts, which resets after a long enough life.
+    """Exponential back-off between restarts of a process that repeatedly fails soon.
 
-    It is for processes that repeatedly fail at once, not for those that are killed occasionally.
+    After a long enough life, the first restart comes at once.
     """
 
     def __init__(self) -> None:
@@ -166,6 +166,7 @@ class Backoff:
         """Return the wait before the next start of a process, given how long it was up [s]."""
         if lived_s >= _STEADY_LIFE_S:
             self._next_s = _FIRST_WAIT_S
+            return 0.0
         wait_s = self._next_s
         self._next_s = min(2 * wait_s, _LONGEST_WAIT_S)
         return wait_s
@@ -447,7 +448,7 @@ class Supervisor:
             one.ended_at = None
         if code is not None:
             events += self._schedule_restart(one, code, now)
-        elif one.restart_at is not None:
+        if one.restart_at is not None:
             events += self._restart(one, now) if now >= one.restart_at else []
         elif one.last_heartbeat is not None and now - one.last_heartbeat >= SILENCE_S:
             silence_s = now - one.last_heartbeat
@@ -467,7 +468,8 @@ class Supervisor:
         wait_s = one.backoff.next_wait(0.0 if one.up_at is None else now - one.up_at)
         one.since, one.restart_at = now, now + wait_s
         name = one.component.name
-        text = f"{name} {_end_text(code)}: starting it again in {wait_s:g} s (log: {one.log.path})"
+        when = f"in {wait_s:g} s" if wait_s else "at once"
+        text = f"{name} {_end_text(code)}: starting it again {when} (log: {one.log.path})"
         return [text, *(f"  {name}: {line}" for line in one.log.tail(_RESTART_LINES))]
 
     def _restart(self, one: _Supervised, now: float) -> list[str]:
