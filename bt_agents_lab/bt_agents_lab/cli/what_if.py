@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
@@ -12,12 +11,11 @@ from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import Update
-from bt_agents_core.scene import finite_or_none
 from bt_agents_core.text import format_known, printable
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.assignments import assignments
-from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
+from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
 
 with loading():
     from bt_agents_lab.cli.journal import damage_reported, read_files, show_problems
@@ -82,14 +80,16 @@ def what_if(
     with damage_reported():
         result = replay_with(recording, changes)
     assumed = (*ASSUMED, OTHERS_ASSUMED) if agents and not tags else ASSUMED
+    console = Console(stderr=form.for_program, highlight=False, soft_wrap=True)
+    show_problems(console, recording)
     if form is TableForm.CSV:
-        print_table(_COLUMNS, [_row(case) for case in result.rounds], form)
+        rows = [_as_row(case) for case in result.rounds]
+        columns = [Column(key=key) for key in rows[0]]
+        print_table(columns, [list(row.values()) for row in rows], form)
         return
     if form is TableForm.JSON:
-        click.echo(json.dumps(_as_data(result, assumed), indent=2))
+        print_json(_as_data(result, assumed))
         return
-    console = Console(highlight=False, soft_wrap=True)
-    show_problems(console, recording)
     _show(console, result, everything, form)
     for assumption in assumed:
         console.print(f"[dim]{assumption}[/]")
@@ -135,21 +135,22 @@ def _row(case: RoundComparison) -> tuple[object, ...]:
     return (case.round, case.label, case.was or _NOBODY, now, *margins)
 
 
+def _as_row(case: RoundComparison) -> dict[str, object]:
+    return {
+        "epoch": printable(case.epoch),
+        "round": case.round,
+        "scene": printable(case.label),
+        "was": printable(case.was),
+        "now": printable(case.now),
+        "margin_was": case.margin_was,
+        "margin_now": case.margin_now,
+        "problem": printable(case.problem),
+    }
+
+
 def _as_data(result: CounterfactualResult, assumed: tuple[str, ...]) -> dict[str, object]:
     return {
-        "rounds": [
-            {
-                "epoch": case.epoch,
-                "round": case.round,
-                "scene": case.label,
-                "was": case.was,
-                "now": case.now,
-                "margin_was": finite_or_none(case.margin_was),
-                "margin_now": finite_or_none(case.margin_now),
-                "problem": case.problem,
-            }
-            for case in result.rounds
-        ],
+        "rounds": [_as_row(case) for case in result.rounds],
         "other_winner": result.other_winners,
         "chosen": dict(result.chosen),
         "never_chosen": list(result.never),

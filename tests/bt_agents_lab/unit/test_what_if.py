@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -14,11 +15,19 @@ from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import FeedbackKind, Update
-from bt_agents_interfaces.msg import Auction, CallForBids, MarketStatus, Profiles, RefusedBid, Run
+from bt_agents_interfaces.msg import (
+    AgentFiles,
+    Auction,
+    CallForBids,
+    MarketStatus,
+    Profiles,
+    RefusedBid,
+    Run,
+)
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.what_if import what_if as command
 from bt_agents_lab.replay.counterfactual_replay import Changes, CounterfactualResult, replay_with
-from bt_agents_lab.replay.recording_index import RecordingIndex
+from bt_agents_lab.replay.recording_index import NO_TEXTS, RecordingIndex
 from bt_agents_language.files.folder_reader import read_trees
 from journal_fixture import EPOCH, NAN, JournaledSystem, index_of, morning, write_folder
 from tree_harness import SPACE, scene
@@ -244,3 +253,13 @@ def test_non_numeric_option_is_rejected(tmp_path: Path, text: str) -> None:
     result = CliRunner().invoke(command, ["--strategy", "softmax", text])
     assert result.exit_code == 2
     assert "not of the form name=number" in result.output
+
+
+def test_csv_has_the_problem_apart_from_the_winner(
+    system: JournaledSystem, tmp_path: Path
+) -> None:
+    system.round(scene("s1", age=4.0))
+    path = system.write(tmp_path / "a.mcap", lambda n, m: None if isinstance(m, AgentFiles) else m)
+    [row] = csv.DictReader(CliRunner().invoke(command, [str(path), "--csv"]).output.splitlines())
+    assert (row["epoch"], row["was"], row["now"]) == (EPOCH, "bert", "")
+    assert row["problem"] == NO_TEXTS
