@@ -16,7 +16,7 @@ from rich.console import Console
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule
-from bt_agents_core.trees_folder import experiments_folder, find_experiments, find_sweep
+from bt_agents_core.trees_folder import find_experiments, find_sweep
 from bt_agents_lab.experiments.replicas import opened, with_seed
 from bt_agents_lab.results import ResultFile, ResultRow
 from bt_agents_language.files.folder_reader import Trees
@@ -147,7 +147,7 @@ def plot(name: str, output: Path, seeds: int) -> None:
         raise BtAgentsError(f"no figures of '{name}'; there are figures of 1, 2, 3 and all")
 
     def paper(folder: str) -> claims.Paper:
-        trees, spec = opened(experiments_folder() / folder)
+        trees, spec = opened(find_experiments(folder)[0])
         return claims.Paper(folder=trees, spec=spec)
 
     runs = range(seeds)
