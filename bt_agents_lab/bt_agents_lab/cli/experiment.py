@@ -140,7 +140,7 @@ def plot(name: str, output: Path, seeds: int) -> None:
     NAME is 1, 2, 3 or all. Figures come as SVG and PNG, verdicts as Markdown and JSON.
     """
     with loading():
-        from bt_agents_lab.experiments import claims, paper_figures, verdicts
+        from bt_agents_lab.experiments import claims, drawing, paper_figures, verdicts
 
     steps = {"1": 2, "2": 2, "3": 3, "all": 7}
     if name not in steps:
@@ -152,6 +152,9 @@ def plot(name: str, output: Path, seeds: int) -> None:
 
     runs = range(seeds)
     judged = []
+    # First, so that nothing is computed in vain.
+    with drawing.writing_into(output):
+        pass
 
     def drawn_and_judged() -> Iterator[None]:
         """Yield after each step."""
@@ -182,8 +185,9 @@ def plot(name: str, output: Path, seeds: int) -> None:
         for _ in progress.track(done, steps[name], description="drawing and judging"):
             pass
         stem = "verdicts" if name == "all" else f"verdicts-{name}"
-        _write(output / f"{stem}.md", verdicts.as_markdown(judged))
-        _write(output / f"{stem}.json", verdicts.as_json(judged))
+        with drawing.writing_into(output):
+            (output / f"{stem}.md").write_text(verdicts.as_markdown(judged), encoding="utf-8")
+            (output / f"{stem}.json").write_text(verdicts.as_json(judged), encoding="utf-8")
     for verdict in judged:
         console.print(f"{verdict.claim.name}: {verdict.text}", highlight=False)
     console.print(f"written to {output}", highlight=False)
@@ -218,8 +222,8 @@ def sweep(
     numbers, in however many processes.
     """
     with loading():
+        from bt_agents_lab.experiments import drawing, sweep_figures
         from bt_agents_lab.experiments import sweep as sweeping
-        from bt_agents_lab.experiments import sweep_figures
         from bt_agents_lab.experiments.sweep_reader import read_sweep
 
     spec = read_sweep(find_sweep(name))
@@ -229,6 +233,10 @@ def sweep(
         rounds=spec.rounds if rounds is None else rounds,
         seed=spec.seed if seed is None else seed,
     )
+    if output is not None:
+        # First, so that nothing is computed in vain.
+        with drawing.writing_into(output):
+            pass
     start = time.monotonic()
     with progress_bar() as progress:
         task = progress.add_task(spec.title, total=None)
@@ -277,16 +285,6 @@ def _print_sweep(played: Played, form: TableForm) -> None:
         label = f"{cell.selection.label}{_BEST if cell in best else ''}"
         rows.append([label, rule_label(cell.learning), *(texts[key] for key in _SHOWN)])
     print_table(columns, rows, form)
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise BtAgentsError(
-            f"{path} cannot be written: {error.strerror}; name another folder with --output"
-        ) from None
 
 
 def _compare(
