@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
+from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule
@@ -108,6 +109,7 @@ def run(
             records = real
         if (file := files[path]) is not None:
             file.write(folder.scene.space.names, rows)
+            console.print(f"written to {escape(str(file.path))}", highlight=False, soft_wrap=True)
         agents += (found := _agent_results(path.name, folder, spec, records))
         console.print(f"{spec.title}: {spec.rounds} rounds, seed {spec.seed}, {seconds:.1f} s")
         if not form.for_program:

@@ -85,6 +85,14 @@ def test_table_has_every_round(tmp_path):
     assert rounds == [str(n) for n in range(1, 13)]
 
 
+def test_each_part_names_its_file_of_results(tmp_path, monkeypatch):
+    monkeypatch.chdir(EXPERIMENTS.parent)
+    result = run("2", "--rounds", "1", "--out", str(tmp_path / "all.csv"))
+    written = [line for line in result.output.splitlines() if line.startswith("written to ")]
+    assert written == [f"written to {path}" for path in sorted(tmp_path.glob("all-2-*.csv"))]
+    assert len(written) == 3
+
+
 def test_vector_stays_on_one_80_column_line():
     result = run(str(EXPERIMENTS / "recommended"))
     rows = [line for line in result.output.splitlines() if line.startswith("agent_")]
