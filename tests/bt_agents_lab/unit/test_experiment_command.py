@@ -115,6 +115,12 @@ def test_command_states_whether_closed_form_exists(tmp_path, name, changes, said
     assert said in " ".join(result.output.split())
 
 
+def test_feedback_for_an_unknown_agent_is_refused(tmp_path):
+    misspelt = changed(tmp_path, "3", (FILE, "agent_5:", "agent_55:"))
+    told = str(run(str(misspelt)).exception)
+    assert told.endswith("'agent_55', which is no agent of it; did you mean 'agent_5'?")
+
+
 def test_exhausted_feedback_list_error_suggests_fix(tmp_path):
     once = changed(tmp_path, "3", *LISTED, (FILE, "repeat: true", "repeat: false"))
     refusal = run(str(once), "--seed", "3").exception
