@@ -107,16 +107,20 @@ def find_experiments(name: str) -> tuple[Path, ...]:
         return (named,)
     if "/" in name:
         raise BtAgentsError(f"'{named}' is no such folder: it has no experiment.yaml")
-    root = experiments_folder()
-    known = sorted(path.parent for path in root.glob("*/experiment.yaml"))
-    found = tuple(folder for folder in known if folder.name == name)
-    found = found or tuple(folder for folder in known if folder.name.startswith(f"{name}-"))
-    if not found:
-        raise BtAgentsError(
-            f"no experiment '{name}'; there are {', '.join(folder.name for folder in known)}, or "
-            "name a folder that holds an experiment.yaml"
-        )
-    return found
+    roots = [sorted(root.glob("*/experiment.yaml")) for root in _experiment_roots()]
+    known = [[file.parent for file in files] for files in roots]
+    for is_found in (
+        lambda folder: folder.name == name,
+        lambda folder: folder.name.startswith(f"{name}-"),
+    ):
+        for folders in known:
+            if found := tuple(filter(is_found, folders)):
+                return found
+    names = dict.fromkeys(folder.name for folders in known for folder in folders)
+    raise BtAgentsError(
+        f"no experiment '{name}'; there are {', '.join(names)}, or name a folder that holds an "
+        "experiment.yaml"
+    )
 
 
 def find_sweep(name: str) -> Path:
@@ -127,22 +131,28 @@ def find_sweep(name: str) -> Path:
     """
     if Path(name).is_file():
         return Path(name)
-    folder = experiments_folder() / "sweeps"
-    found = folder / f"{name}.yaml"
-    if "/" in name or not found.is_file():
-        known = ", ".join(sorted(path.stem for path in folder.glob("*.yaml")))
-        raise BtAgentsError(f"no sweep '{name}'; there are {known}, or name a file")
+    known = [path for root in _experiment_roots() for path in sorted(root.glob("sweeps/*.yaml"))]
+    found = next((path for path in known if path.stem == name), None)
+    if found is None:
+        names = ", ".join(dict.fromkeys(path.stem for path in known))
+        raise BtAgentsError(f"no sweep '{name}'; there are {names}, or name a file")
     return found
 
 
-def experiments_folder() -> Path:
-    """Return the folder of all experiments: ``./experiments`` or the installed one.
+def _experiment_roots() -> tuple[Path, ...]:
+    """Return ``./experiments`` and the installed folder of experiments, as far as they exist.
 
     Raises:
-        BtAgentsError: There is none.
+        BtAgentsError: There is neither.
     """
     local = Path("experiments")
-    return local if local.exists() else _installed(str(local), "bt_agents_experiments", "")
+    try:
+        installed = _installed(str(local), "bt_agents_experiments", "")
+    except BtAgentsError:
+        if not local.exists():
+            raise
+        return (local,)
+    return (local, installed) if local.exists() else (installed,)
 
 
 def _installed(local: str, package: str, proof: str) -> Path:

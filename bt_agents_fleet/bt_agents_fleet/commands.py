@@ -49,7 +49,7 @@ def join(address: str, robot: str, state: str) -> None:
     settings = FleetSettings(robot=checked_robot(robot), address=checked_address(address))
     with closing(_database(settings)) as database:
         database.join()
-    file = write_settings(claim_state(take_trees(), state).path, settings)
+    file = write_settings(claim_state(take_trees(is_argument=False), state).path, settings)
     click.echo(f"joined as {settings.robot}; 'bt-agents fleet run' keeps {file.parent} up to date")
 
 

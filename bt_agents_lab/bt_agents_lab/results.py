@@ -178,7 +178,7 @@ class ResultFile:
         Raises:
             BtAgentsError: It is not writable, has no known format, or pyarrow is missing.
         """
-        self._path = path
+        self.path = path
         write = {".csv": _write_csv, ".parquet": _write_parquet}.get(path.suffix)
         if write is None:
             raise BtAgentsError(f"{path} ends in '{path.suffix}', expected .csv or .parquet")
@@ -198,13 +198,13 @@ class ResultFile:
         """
         columns = result_columns(parameters)
         try:
-            self._write(self._path, columns, [_known(row, columns) for row in rows])
+            self._write(self.path, columns, [_known(row, columns) for row in rows])
         except OSError as error:
             raise self._unwritten(error) from None
 
     def _unwritten(self, error: OSError) -> BtAgentsError:
         return BtAgentsError(
-            f"{self._path} cannot be written: {error.strerror or error}; name another file"
+            f"{self.path} cannot be written: {error.strerror or error}; name another file"
         )
 
 

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
+from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule
-from bt_agents_core.trees_folder import experiments_folder, find_experiments, find_sweep
+from bt_agents_core.trees_folder import find_experiments, find_sweep
 from bt_agents_lab.experiments.replicas import opened, with_seed
 from bt_agents_lab.results import ResultFile, ResultRow
 from bt_agents_language.files.folder_reader import Trees
@@ -108,6 +109,7 @@ def run(
             records = real
         if (file := files[path]) is not None:
             file.write(folder.scene.space.names, rows)
+            console.print(f"written to {escape(str(file.path))}", highlight=False, soft_wrap=True)
         agents += (found := _agent_results(path.name, folder, spec, records))
         console.print(f"{spec.title}: {spec.rounds} rounds, seed {spec.seed}, {seconds:.1f} s")
         if not form.for_program:
@@ -140,18 +142,21 @@ def plot(name: str, output: Path, seeds: int) -> None:
     NAME is 1, 2, 3 or all. Figures come as SVG and PNG, verdicts as Markdown and JSON.
     """
     with loading():
-        from bt_agents_lab.experiments import claims, paper_figures, verdicts
+        from bt_agents_lab.experiments import claims, drawing, paper_figures, verdicts
 
     steps = {"1": 2, "2": 2, "3": 3, "all": 7}
     if name not in steps:
         raise BtAgentsError(f"no figures of '{name}'; there are figures of 1, 2, 3 and all")
 
     def paper(folder: str) -> claims.Paper:
-        trees, spec = opened(experiments_folder() / folder)
+        trees, spec = opened(find_experiments(folder)[0])
         return claims.Paper(folder=trees, spec=spec)
 
     runs = range(seeds)
     judged = []
+    # First, so that nothing is computed in vain.
+    with drawing.writing_into(output):
+        pass
 
     def drawn_and_judged() -> Iterator[None]:
         """Yield after each step."""
@@ -182,8 +187,9 @@ def plot(name: str, output: Path, seeds: int) -> None:
         for _ in progress.track(done, steps[name], description="drawing and judging"):
             pass
         stem = "verdicts" if name == "all" else f"verdicts-{name}"
-        _write(output / f"{stem}.md", verdicts.as_markdown(judged))
-        _write(output / f"{stem}.json", verdicts.as_json(judged))
+        with drawing.writing_into(output):
+            (output / f"{stem}.md").write_text(verdicts.as_markdown(judged), encoding="utf-8")
+            (output / f"{stem}.json").write_text(verdicts.as_json(judged), encoding="utf-8")
     for verdict in judged:
         console.print(f"{verdict.claim.name}: {verdict.text}", highlight=False)
     console.print(f"written to {output}", highlight=False)
@@ -218,8 +224,8 @@ def sweep(
     numbers, in however many processes.
     """
     with loading():
+        from bt_agents_lab.experiments import drawing, sweep_figures
         from bt_agents_lab.experiments import sweep as sweeping
-        from bt_agents_lab.experiments import sweep_figures
         from bt_agents_lab.experiments.sweep_reader import read_sweep
 
     spec = read_sweep(find_sweep(name))
@@ -229,6 +235,10 @@ def sweep(
         rounds=spec.rounds if rounds is None else rounds,
         seed=spec.seed if seed is None else seed,
     )
+    if output is not None:
+        # First, so that nothing is computed in vain.
+        with drawing.writing_into(output):
+            pass
     start = time.monotonic()
     with progress_bar() as progress:
         task = progress.add_task(spec.title, total=None)
@@ -277,16 +287,6 @@ def _print_sweep(played: Played, form: TableForm) -> None:
         label = f"{cell.selection.label}{_BEST if cell in best else ''}"
         rows.append([label, rule_label(cell.learning), *(texts[key] for key in _SHOWN)])
     print_table(columns, rows, form)
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise BtAgentsError(
-            f"{path} cannot be written: {error.strerror}; name another folder with --output"
-        ) from None
 
 
 def _compare(

@@ -118,29 +118,32 @@ def damage_reported() -> Iterator[None]:
 def recorded_rounds(files: Sequence[Path]) -> list[Round]:
     """Return the rounds of journals and bags, the oldest first.
 
-    Their texts are made printable, because a journal may hold messages from anybody.
+    Their texts are made printable, because a journal may hold messages from anybody. What is
+    unreadable or lost is printed to standard error.
 
     Raises:
         BtAgentsError: There is no journal, or it is unreadable.
     """
-    rounds = read_files(files).rounds
+    recording = read_files(files)
+    show_problems(Console(stderr=True, highlight=False, soft_wrap=True), recording)
+    rounds = recording.rounds
     for one in rounds:
-        _printable([one.auction, *one.run_events])
+        printable_message([one.auction, *one.run_events])
     return rounds
 
 
-def _printable(value: Any) -> Any:
+def printable_message(value: Any) -> Any:
     """Return a recorded message or a part of it with printable texts."""
     match value:
         case str():
             return printable(value)
         case list():
-            return list(map(_printable, value))
+            return list(map(printable_message, value))
         case SimpleNamespace():
             for name in value.__slots__:
                 part = getattr(value, name)
                 # This is the only text of a decision with several lines.
-                shown = printable_lines(part) if name == "explanation" else _printable(part)
+                shown = printable_lines(part) if name == "explanation" else printable_message(part)
                 setattr(value, name, shown)
     return value
 

@@ -7,19 +7,19 @@ import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.text import printable
+from bt_agents_core.text import join_first, printable
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.formatting import values_text
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 from bt_agents_tools.cli.trees_choice import journal_option, kept_state, state_option
 
 with loading():
-    from bt_agents_lab.cli.journal import damage_reported, newest_journal
+    from bt_agents_lab.cli.journal import damage_reported, newest_journal, printable_message
     from bt_agents_lab.recorder.reading import JournalReader
 
 _TYPE = "bt_agents_interfaces/msg/TreeStatus"
@@ -42,29 +42,38 @@ def trace(round_number: int | None, state: str, journal: Path | None, form: Tabl
     reader = JournalReader(files, os.environ.get("ROS_NAMESPACE", ""))
     with damage_reported():
         entries = reader.entries({_TYPE})
-        statuses = [entry.decode() for entry in entries]
-        found = [one for one in statuses if round_number in (None, one.round)]
+        runs = [_run_of(entry.decode()) for entry in entries]
+        problems = [*reader.hints, *reader.problems]
+        if lost := sum(entry.lost for entry in entries):
+            problems.append(f"{lost} messages about trees are lost")
+        for text in problems:
+            click.echo(printable(text), err=True)
+        found = [run for run in runs if round_number in (None, run.round)]
         if not found:
-            raise BtAgentsError(_not_found(round_number, statuses))
-        run = _run_of(found[-1])
+            raise BtAgentsError(_not_found(round_number, runs))
+        shown = found[-1]
+        # A decoded message is large, so only those of one run are kept.
         rows = [
             _row(status, change, form)
-            for status in found
-            if _run_of(status) == run
+            for entry, run in zip(entries, runs, strict=True)
+            if run == shown
+            for status in [printable_message(entry.decode())]
             for change in status.changes
         ]
-    problems = [*reader.hints, *reader.problems]
-    if lost := sum(entry.lost for entry in entries):
-        problems.append(f"{lost} messages about trees are lost")
-    for text in problems:
-        click.echo(printable(text), err=True)
     if not form.for_program:
-        click.echo(printable(f"{found[-1].agent}, round {found[-1].round}"))
+        click.echo(printable(f"{shown.agent}, round {shown.round}"))
     print_table(_COLUMNS, rows, form)
 
 
-def _run_of(status: Any) -> tuple[str, str, int, str]:
-    return (status.host_instance, status.epoch, status.round, status.agent)
+class _Run(NamedTuple):
+    host_instance: str
+    epoch: str
+    round: int
+    agent: str
+
+
+def _run_of(status: Any) -> _Run:
+    return _Run(status.host_instance, status.epoch, status.round, status.agent)
 
 
 def _row(status: Any, change: Any, form: TableForm) -> Sequence[Any]:
@@ -83,10 +92,10 @@ def _row(status: Any, change: Any, form: TableForm) -> Sequence[Any]:
     )
 
 
-def _not_found(round_number: int | None, statuses: Sequence[Any]) -> str:
-    if round_number is None or not statuses:
+def _not_found(round_number: int | None, runs: Sequence[_Run]) -> str:
+    if not runs:
         return "no run of a tree is in the journal; 'bt-agents up --journal' records them"
-    known = ", ".join(str(number) for number in dict.fromkeys(one.round for one in statuses))
+    known = join_first([str(number) for number in dict.fromkeys(run.round for run in runs)])
     return f"no run of round {round_number} is in the journal; there are rounds {known}"
 
 

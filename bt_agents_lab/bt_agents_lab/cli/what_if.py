@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
@@ -12,12 +11,11 @@ from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import Update
-from bt_agents_core.scene import finite_or_none
-from bt_agents_core.text import format_known, printable
+from bt_agents_core.text import format_known, printable, printable_lines
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.assignments import assignments
-from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
+from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
 
 with loading():
     from bt_agents_lab.cli.journal import damage_reported, read_files, show_problems
@@ -29,8 +27,8 @@ with loading():
         RoundComparison,
         replay_with,
     )
-    from bt_agents_language.files.folder_reader import read_trees
-    from bt_agents_language.model.specs import AgentSpec
+    from bt_agents_lab.replay.recording_index import RecordingIndex
+    from bt_agents_language.files.folder_reader import Trees, read_trees
     from marketplace_node.strategies.plugins import add_installed
 
 _NOBODY = "nobody"
@@ -68,38 +66,59 @@ def what_if(
     if tags and not agents:
         raise BtAgentsError("tags choose among other agents; name their folder with --agents")
     add_installed()
+    trees = _trees(agents, tags) if agents else None
     changes = Changes(
         strategy=strategy,
         options=dict(assignments(context, context.command.params[0], tuple(options))),
         rate=learning_rate,
         update=Update(update) if update else None,
-        agents=_agents(agents, tags) if agents else None,
+        agents=trees.agents if trees is not None else None,
     )
     changes.check()
     recording = read_files(files)
     if not recording.rounds:
         raise BtAgentsError("there is no round of a market in it")
+    if trees is not None:
+        _check_parameters(recording, trees)
     with damage_reported():
         result = replay_with(recording, changes)
     assumed = (*ASSUMED, OTHERS_ASSUMED) if agents and not tags else ASSUMED
+    console = Console(stderr=form.for_program, highlight=False, soft_wrap=True)
+    show_problems(console, recording)
     if form is TableForm.CSV:
-        print_table(_COLUMNS, [_row(case) for case in result.rounds], form)
+        rows = [_as_row(case) for case in result.rounds]
+        columns = [Column(key=key) for key in rows[0]]
+        print_table(columns, [list(row.values()) for row in rows], form)
         return
     if form is TableForm.JSON:
-        click.echo(json.dumps(_as_data(result, assumed), indent=2))
+        print_json(_as_data(result, assumed))
         return
-    console = Console(highlight=False, soft_wrap=True)
-    show_problems(console, recording)
     _show(console, result, everything, form)
     for assumption in assumed:
         console.print(f"[dim]{assumption}[/]")
 
 
-def _agents(folder: str, tags: str) -> tuple[AgentSpec, ...]:
+def _trees(folder: str, tags: str) -> Trees:
+    """Return the agents of a trees folder; print what makes others unreadable."""
     trees = read_trees(find_trees(folder)).tagged(tags)
+    if trees.broken:
+        click.echo(printable_lines(trees.report), err=True)
     if not trees.agents:
         raise BtAgentsError(f"there is no agent that can be read in {folder}")
-    return trees.agents
+    return trees
+
+
+def _check_parameters(recording: RecordingIndex, trees: Trees) -> None:
+    """Check that profiles have the values of those in the recording, in the same order."""
+    names = trees.scene.space.profiles.names
+    spaces = [one.space for one in recording.rounds]
+    for space in (*spaces, *(one.space for one in recording.feedbacks)):
+        if space is not None and space.profiles.names != names:
+            raise BtAgentsError(
+                f"profiles have {', '.join(space.profiles.names)} in the recording, and "
+                f"{', '.join(names)} in {trees.folder}; name a folder with the same parameters "
+                "in the same order"
+            )
 
 
 def _show(
@@ -135,21 +154,22 @@ def _row(case: RoundComparison) -> tuple[object, ...]:
     return (case.round, case.label, case.was or _NOBODY, now, *margins)
 
 
+def _as_row(case: RoundComparison) -> dict[str, object]:
+    return {
+        "epoch": printable(case.epoch),
+        "round": case.round,
+        "scene": printable(case.label),
+        "was": printable(case.was),
+        "now": printable(case.now),
+        "margin_was": case.margin_was,
+        "margin_now": case.margin_now,
+        "problem": printable(case.problem),
+    }
+
+
 def _as_data(result: CounterfactualResult, assumed: tuple[str, ...]) -> dict[str, object]:
     return {
-        "rounds": [
-            {
-                "epoch": case.epoch,
-                "round": case.round,
-                "scene": case.label,
-                "was": case.was,
-                "now": case.now,
-                "margin_was": finite_or_none(case.margin_was),
-                "margin_now": finite_or_none(case.margin_now),
-                "problem": case.problem,
-            }
-            for case in result.rounds
-        ],
+        "rounds": [_as_row(case) for case in result.rounds],
         "other_winner": result.other_winners,
         "chosen": dict(result.chosen),
         "never_chosen": list(result.never),

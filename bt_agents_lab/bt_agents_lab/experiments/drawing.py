@@ -70,16 +70,25 @@ def sheet(
         yield figure, list(axes.flat)
         for _ in range(_LAYOUTS):
             figure.draw_without_rendering()
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
+        with writing_into(folder):
             figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
             # One layout serves both.
             figure.set_layout_engine("none")
             figure.savefig(folder / f"{name}.png", dpi=_PNG_DPI, metadata={"Software": None})
-        except OSError as error:
-            raise BtAgentsError(
-                f"{folder}: {error.strerror}; name a folder to write into"
-            ) from None
+
+
+@contextmanager
+def writing_into(folder: Path) -> Iterator[None]:
+    """Make a folder if it is missing, for files to write into it.
+
+    Raises:
+        BtAgentsError: It cannot be made, or a file cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise BtAgentsError(f"{folder}: {error.strerror}; name a folder to write into") from None
 
 
 def smooth(values: Floats, rounds: int) -> Floats:

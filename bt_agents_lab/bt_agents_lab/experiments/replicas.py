@@ -13,6 +13,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_lab.experiments.random_streams import RandomStreams, draw
 from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld
 from bt_agents_lab.experiments.simulation import Course, simulate
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors
@@ -31,12 +32,22 @@ def opened(path: Path) -> tuple[Trees, ExperimentSpec]:
     """Read the agents and the experiment of a folder.
 
     Raises:
-        BtAgentsError: A file cannot be read; the message lists the problems.
+        BtAgentsError: A file cannot be read; the message lists the problems. Or an agent with
+            feedback does not exist.
     """
     folder = read_trees(path)
     if folder.broken:
         raise BtAgentsError(folder.broken[0].error.report)
-    return folder, read_experiment(path / "experiment.yaml", folder.scene.space)
+    file = path / "experiment.yaml"
+    spec = read_experiment(file, folder.scene.space)
+    names = [agent.name for agent in folder.agents]
+    for name in (*spec.feedback.each, *spec.feedback.sequences):
+        if name not in names:
+            raise BtAgentsError(
+                f"{file}: there is feedback for '{name}', which is no agent of it; "
+                f"{did_you_mean(name, names)}"
+            )
+    return folder, spec
 
 
 def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule
-from bt_agents_lab.experiments.drawing import COLOURS, sheet, smooth
+from bt_agents_lab.experiments.drawing import COLOURS, sheet, smooth, writing_into
 from bt_agents_lab.experiments.measures import LAST, Measures, PerRun, summary
 from bt_agents_lab.experiments.simulated_world import Selection
 from bt_agents_lab.experiments.sweep import Cell, SweepSpec, rule_label
@@ -58,13 +57,10 @@ def write(folder: Path, spec: SweepSpec, played: Played) -> None:
     Raises:
         BtAgentsError: A file cannot be written, or matplotlib is not installed.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with writing_into(folder):
         _csv(folder / "results.csv", played)
         (folder / "results.json").write_text(_json(spec, played), encoding="utf-8")
         (folder / "table.md").write_text(table(spec, played), encoding="utf-8")
-    except OSError as error:
-        raise BtAgentsError(f"{folder}: {error.strerror}; name a folder to write into") from None
     curves(folder, spec, played)
     robustness(folder, spec, played)
 

@@ -22,7 +22,7 @@ from bt_agents_lab.replay.recording_index import (
     RecordingIndex,
     Round,
 )
-from bt_agents_lab.replay.replay_learning import ProfileHistory, is_managed, rule_of
+from bt_agents_lab.replay.replay_learning import ProfileHistory, is_managed, rule_of, with_newest
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec
@@ -352,7 +352,8 @@ class _Counterfactual:
         if kind is FeedbackKind.SET:
             return replace(now, profile=profile)
         asked = requested(kind, now.profile, target, space=space, rule=rule)
-        return _Taught(profile=profile, recent=(*now.recent, asked), changes=now.changes + 1)
+        recent = with_newest(now.recent, asked)
+        return _Taught(profile=profile, recent=recent, changes=now.changes + 1)
 
     @property
     def _learns_as_it_did(self) -> bool:

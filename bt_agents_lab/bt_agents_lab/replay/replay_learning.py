@@ -15,6 +15,7 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
 from bt_agents_lab.replay.recording_index import RecordedFeedback
+from bt_agents_language.files.learning_reader import MAX_WINDOW
 from feedback_node.learning.learning_step import Step, requested, step
 
 KIND = "profile change"
@@ -26,7 +27,7 @@ class ProfileState:
 
     Attributes:
         revision: Its number, or the number of the revision that it restores.
-        recent: Targets of the feedbacks that led to it, oldest first.
+        recent: Targets of the last feedbacks that led to it, as of :func:`with_newest`.
         known: False if some of these may not be recorded.
     """
 
@@ -49,8 +50,7 @@ class ProfileHistory:
     def before(self, feedback: Any, authored: Sequence[float]) -> ProfileState:
         """Return the state before a feedback; ``authored`` is the profile in the file."""
         number, profile = feedback.revision - 1, tuple(feedback.before)
-        last = max(self._states, default=-1)
-        if last > number:
+        if next(reversed(self._states), -1) > number:
             # The layer was forgotten and begins again.
             self._states.clear()
         if number not in self._states:
@@ -67,7 +67,7 @@ class ProfileHistory:
         if kind is not FeedbackKind.SET:
             found, target = tuple(feedback.before), tuple(feedback.target)
             asked = requested(kind, found, target, space=space, rule=rule)
-            recent = (*before.recent, asked)
+            recent = with_newest(before.recent, asked)
             state = ProfileState(
                 revision=number, profile=profile, recent=recent, known=before.known
             )
@@ -87,6 +87,11 @@ class ProfileHistory:
             return undone
         known = undone is not None or before.revision == 0
         return ProfileState(revision=number, profile=profile, known=known)
+
+
+def with_newest(recent: tuple[Vector, ...], asked: Vector) -> tuple[Vector, ...]:
+    """Add the target of a feedback to those before; keep as many as the widest median needs."""
+    return (*recent, asked)[-MAX_WINDOW:]
 
 
 def is_managed(feedback: Any) -> bool:

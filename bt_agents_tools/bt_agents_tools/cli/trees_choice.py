@@ -27,24 +27,26 @@ journal_option = click.option(
 )
 
 
-def take_trees(named: str = "") -> Path:
+def take_trees(named: str = "", *, is_argument: bool = True) -> Path:
     """Return the trees folder that a command works on; print it if the user named none.
 
     Args:
         named: As for :func:`find_trees`.
+        is_argument: Whether the command has an argument or option that names the folder.
 
     Raises:
-        BtAgentsError: As in :func:`find_trees`; the message says how to name a folder.
+        BtAgentsError: As in :func:`find_trees`; the message says how to choose a folder.
     """
     try:
         folder = find_trees(named)
     except NoTreesFolderError as error:
         near = error.near or SHIPPED
-        what = " for the installation's folder" if near == SHIPPED else ""
-        raise BtAgentsError(
-            f"{error}; name one, as in '{_named_as(near)}'{what}, or make one with "
-            "'bt-agents new NAME'"
-        ) from None
+        if is_argument:
+            what = " for the installation's folder" if near == SHIPPED else ""
+            choose = f"name one, as in '{_named_as(near)}'{what}"
+        else:
+            choose = f"go there with 'cd {near}'" if error.near else "go to one with 'cd'"
+        raise BtAgentsError(f"{error}; {choose}, or make one with 'bt-agents new NAME'") from None
     if named in ("", SHIPPED):
         say_trees(folder)
     return folder
@@ -73,7 +75,7 @@ def kept_state(state: str = "") -> StateFolder:
     Raises:
         BtAgentsError: As in :func:`find_trees` and :func:`find_state`.
     """
-    found = find_state(take_trees(), state)
+    found = find_state(take_trees(is_argument=False), state)
     _say(f"kept in {found.path}")
     if found.note:
         _say(found.note)

@@ -150,7 +150,7 @@ def inspect(path: str) -> LedgerCheck:
     # Read first, because a writer may continue. The lock is next to the file, not next to a link.
     recorded = _recorded_in(_lock_of(Path(path).resolve()))
     try:
-        with closing(connect(path, "ro")) as database:
+        with closing(_examined(path)) as database:
             found = check(database) if _is_ledger(database, path) else LedgerCheck(database)
             found.recorded = recorded
             return found
@@ -171,7 +171,7 @@ def recover(path: str, new: str) -> int:
     inspect(path)
     with closing(open_database(new)) as copy:
         try:
-            with closing(connect(path, "ro")) as old:
+            with closing(_examined(path)) as old:
                 rows = LedgerCheck(old)
                 copy.execute("BEGIN IMMEDIATE")
                 copy.executemany(INSERT, rows.good_rows())
@@ -179,6 +179,14 @@ def recover(path: str, new: str) -> int:
         except sqlite3.Error as error:
             raise unreadable(new, error) from error
     return rows.good
+
+
+def _examined(path: str) -> sqlite3.Connection:
+    """Open a ledger to read what is left of it, even if its end is cut off."""
+    database = connect(path, "ro")
+    # Else SQLite refuses a file that is shorter than its header says.
+    database.execute("PRAGMA writable_schema = ON")
+    return database
 
 
 def has_content(path: str) -> bool:

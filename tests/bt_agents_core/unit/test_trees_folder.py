@@ -10,7 +10,14 @@ import pytest
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.state_folder import ID_FILE, StateFolder, claim_state, find_state, state_home
-from bt_agents_core.trees_folder import SHIPPED, NoTreesFolderError, find_trees, is_installed
+from bt_agents_core.trees_folder import (
+    SHIPPED,
+    NoTreesFolderError,
+    find_experiments,
+    find_sweep,
+    find_trees,
+    is_installed,
+)
 
 
 def make(folder: Path) -> Path:
@@ -197,3 +204,19 @@ def test_unwritable_state_folder_suggests_the_state_option(tmp_path: Path, home:
 def test_state_home_follows_xdg() -> None:
     assert state_home({"XDG_STATE_HOME": "/x"}) == Path("/x/bt-agents")
     assert state_home({}) == Path.home() / ".local" / "state" / "bt-agents"
+
+
+def test_own_experiments_do_not_hide_installed_ones(here: Path) -> None:
+    installed = here.parent / "installation" / "share" / "bt_agents_experiments"
+    own = Path("experiments")
+    for folder in (installed / "1", installed / "2-high", own / "1", own / "mine"):
+        folder.mkdir(parents=True)
+        (folder / "experiment.yaml").touch()
+    (installed / "sweeps").mkdir()
+    (installed / "sweeps" / "told.yaml").touch()
+    assert find_experiments("mine") == (own / "mine",)
+    assert find_experiments("1") == (own / "1",)
+    assert find_experiments("2") == (installed / "2-high",)
+    with pytest.raises(BtAgentsError, match="there are 1, mine, 2-high, or name"):
+        find_experiments("3")
+    assert find_sweep("told") == installed / "sweeps" / "told.yaml"

@@ -85,6 +85,14 @@ def test_table_has_every_round(tmp_path):
     assert rounds == [str(n) for n in range(1, 13)]
 
 
+def test_each_part_names_its_file_of_results(tmp_path, monkeypatch):
+    monkeypatch.chdir(EXPERIMENTS.parent)
+    result = run("2", "--rounds", "1", "--out", str(tmp_path / "all.csv"))
+    written = [line for line in result.output.splitlines() if line.startswith("written to ")]
+    assert written == [f"written to {path}" for path in sorted(tmp_path.glob("all-2-*.csv"))]
+    assert len(written) == 3
+
+
 def test_vector_stays_on_one_80_column_line():
     result = run(str(EXPERIMENTS / "recommended"))
     rows = [line for line in result.output.splitlines() if line.startswith("agent_")]
@@ -105,6 +113,12 @@ def test_command_states_whether_closed_form_exists(tmp_path, name, changes, said
     result = run(str(changed(tmp_path, name, *changes)))
     assert result.exit_code == 0
     assert said in " ".join(result.output.split())
+
+
+def test_feedback_for_an_unknown_agent_is_refused(tmp_path):
+    misspelt = changed(tmp_path, "3", (FILE, "agent_5:", "agent_55:"))
+    told = str(run(str(misspelt)).exception)
+    assert told.endswith("'agent_55', which is no agent of it; did you mean 'agent_5'?")
 
 
 def test_exhausted_feedback_list_error_suggests_fix(tmp_path):

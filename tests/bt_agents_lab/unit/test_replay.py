@@ -18,9 +18,10 @@ from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.replay import decisions, replay_learning
 from bt_agents_lab.replay.decisions import replay_decisions
 from bt_agents_lab.replay.findings import FindingCounts, ReplayVerdict
-from bt_agents_lab.replay.replay_learning import replay_feedback
+from bt_agents_lab.replay.replay_learning import ProfileHistory, replay_feedback, rule_of
+from bt_agents_language.files.learning_reader import MAX_WINDOW
 from journal_fixture import JournaledSystem, index_of, morning
-from tree_harness import scene
+from tree_harness import SPACE, scene
 
 
 def again(path: Path) -> FindingCounts:
@@ -209,3 +210,17 @@ def test_non_journal_file_is_rejected_with_reason(tmp_path: Path) -> None:
         assert "nothing can be read of the journal" in str(result.exception)
     missing = CliRunner().invoke(replay, [str(tmp_path / "b.mcap")])
     assert re.search(r"no journal .*b\.mcap: No such file", str(missing.exception))
+
+
+def test_history_keeps_only_what_medians_need(tmp_path: Path) -> None:
+    journaled = JournaledSystem(tmp_path / "trees")
+    anna = journaled.round(scene("s1", age=1.0))
+    for _ in range(MAX_WINDOW + 2):
+        journaled.give_feedback(anna, FeedbackKind.DIRECT, (3.0, 2.0, 3.0))
+    history, sizes = ProfileHistory(), []
+    for one in index_of(journaled.write(tmp_path / "a.mcap")).feedbacks:
+        before = history.before(one.feedback, one.card.profile)
+        rule = rule_of(one.card, one.parameters)
+        sizes.append(len(history.add(one.feedback, before, SPACE, rule).recent))
+    assert sizes[0] == 1
+    assert sizes[-3:] == [MAX_WINDOW] * 3

@@ -163,6 +163,15 @@ def test_run_has_converged_once_all_later_rounds_correct():
     assert converged(right).tolist() == [10.0, np.inf, 1.0]
 
 
+def test_unusable_output_is_refused_before_computing(file, tmp_path):
+    output = tmp_path / "file" / "results"
+    output.parent.touch()
+    words = ["experiment", "sweep", str(file), "--runs", "1", "--output", str(output)]
+    result = CliRunner().invoke(bt_agents, words)
+    assert "name a folder to write into" in str(result.exception)
+    assert result.output == ""
+
+
 def test_command_writes_table_numbers_and_figures(file, tmp_path, monkeypatch):
     # Small pictures are sufficient, and cheaper.
     monkeypatch.setattr(drawing, "_PNG_DPI", 30)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click import Command
 from click.testing import CliRunner, Result
 
 from bt_agents_interfaces.msg import Auction, TreeStatus
@@ -17,6 +18,7 @@ from bt_agents_lab.cli.journal import journal, recorded_rounds
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.trace import trace
 from bt_agents_lab.cli.what_if import what_if
+from bt_agents_tools.cli.commands.why import why
 from command_results import split_runner
 from hostile_texts import HOSTILE
 from journal_fixture import JournaledSystem
@@ -58,7 +60,7 @@ def test_without_a_round_it_is_the_last_run(path: Path) -> None:
 
 def test_a_round_without_a_run_is_named(path: Path) -> None:
     told = str(shown(path, "9").exception)
-    assert told == "no run of round 9 is in the journal; there are rounds 1, 2, 3, 4"
+    assert told == "no run of round 9 is in the journal; there are rounds 1, 2, 3 and 4"
 
 
 def test_lost_messages_are_counted(journaled: JournaledSystem, tmp_path: Path) -> None:
@@ -67,6 +69,25 @@ def test_lost_messages_are_counted(journaled: JournaledSystem, tmp_path: Path) -
     ]
     path = journaled.write(tmp_path / "a.mcap", lambda n, m: None if n == numbers[1] else m)
     assert "1 messages about trees are lost" in shown(path, "1").stderr
+
+
+@pytest.mark.parametrize("options", [[], ["--json"], ["--csv"]])
+def test_commands_name_what_a_torn_journal_lacks(path: Path, options: list[str]) -> None:
+    path.write_bytes(path.read_bytes()[:-3000])
+    for command, asked in (
+        (what_if, [str(path)]),
+        (why, ["--journal", str(path)]),
+        (trace, ["--journal", str(path)]),
+    ):
+        result = split_runner().invoke(command, [*asked, *options])
+        assert "ends in the middle of a record" in result.stdout + result.stderr
+        if options:
+            assert "ends in the middle" not in result.stdout
+
+
+def test_trace_of_an_unreadable_file_says_why(path: Path) -> None:
+    path.write_text("no journal")
+    assert "can be read to byte 8 only" in shown(path).stderr
 
 
 def test_raw_journal_text_is_never_printed(journaled: JournaledSystem, tmp_path: Path) -> None:
@@ -83,8 +104,14 @@ def test_raw_journal_text_is_never_printed(journaled: JournaledSystem, tmp_path:
         return message
 
     path = journaled.write(tmp_path / "a.mcap", alter)
-    for command, option in ((journal, ()), (replay, ()), (what_if, ()), (trace, ("--journal",))):
-        output = CliRunner().invoke(command, [*option, str(path)]).output
+    of_journal: tuple[Command, ...] = (journal, replay, what_if)
+    for command, options in (
+        *((one, [str(path)]) for one in of_journal),
+        (what_if, ["--csv", str(path)]),
+        (trace, ["--journal", str(path)]),
+        (trace, ["--csv", "--journal", str(path)]),
+    ):
+        output = CliRunner().invoke(command, options).output
         assert "title" in output
         assert not [one for one in output if not one.isprintable() and one != "\n"]
     decision = recorded_rounds([path])[-1].auction

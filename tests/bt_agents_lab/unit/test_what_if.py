@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -14,12 +15,21 @@ from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import FeedbackKind, Update
-from bt_agents_interfaces.msg import Auction, CallForBids, MarketStatus, Profiles, RefusedBid, Run
+from bt_agents_interfaces.msg import (
+    AgentFiles,
+    Auction,
+    CallForBids,
+    MarketStatus,
+    Profiles,
+    RefusedBid,
+    Run,
+)
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.what_if import what_if as command
 from bt_agents_lab.replay.counterfactual_replay import Changes, CounterfactualResult, replay_with
-from bt_agents_lab.replay.recording_index import RecordingIndex
+from bt_agents_lab.replay.recording_index import NO_TEXTS, RecordingIndex
 from bt_agents_language.files.folder_reader import read_trees
+from checkout import ROOT
 from journal_fixture import EPOCH, NAN, JournaledSystem, index_of, morning, write_folder
 from tree_harness import SPACE, scene
 
@@ -212,15 +222,25 @@ def test_command_prints_changed_winners_and_its_assumptions(tmp_path: Path) -> N
     assert [one["now"] for one in data["rounds"]] == ["anna"] * 4
 
 
+def test_agents_with_other_parameters_are_refused(tmp_path: Path) -> None:
+    path = morning(tmp_path / "trees").write(tmp_path / "a.mcap")
+    result = CliRunner().invoke(command, [str(path), "--agents", str(ROOT / "experiments" / "3")])
+    assert "have age, familiarity, mood in the recording, and age, profession, emotion" in str(
+        result.exception
+    )
+
+
 def test_only_agents_with_given_tags_bid(tmp_path: Path) -> None:
     path = morning(tmp_path / "trees").write(tmp_path / "a.mcap")
     folder = write_folder(tmp_path / "other", anna=(1.0, 1.0, 3.0), bert=(4.5, 2.1, 3.3))
     file = folder / "agents" / "bert.yaml"
     file.write_text(file.read_text() + "tags: [night]\n")
+    (folder / "agents" / "carl.yaml").write_text("agent: [")
     ask = [str(path), "--agents", str(folder)]
     told = CliRunner().invoke(command, [*ask, "--tags", "night"])
     assert told.exit_code == 0, told.output
     assert "bert 4" in told.output
+    assert "carl.yaml" in told.output
     assert "--tags leaves it out" not in told.output
     told = CliRunner().invoke(command, ask)
     assert "anna 1" in told.output
@@ -244,3 +264,13 @@ def test_non_numeric_option_is_rejected(tmp_path: Path, text: str) -> None:
     result = CliRunner().invoke(command, ["--strategy", "softmax", text])
     assert result.exit_code == 2
     assert "not of the form name=number" in result.output
+
+
+def test_csv_has_the_problem_apart_from_the_winner(
+    system: JournaledSystem, tmp_path: Path
+) -> None:
+    system.round(scene("s1", age=4.0))
+    path = system.write(tmp_path / "a.mcap", lambda n, m: None if isinstance(m, AgentFiles) else m)
+    [row] = csv.DictReader(CliRunner().invoke(command, [str(path), "--csv"]).output.splitlines())
+    assert (row["epoch"], row["was"], row["now"]) == (EPOCH, "bert", "")
+    assert row["problem"] == NO_TEXTS

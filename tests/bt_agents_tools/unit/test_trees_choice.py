@@ -68,6 +68,13 @@ def test_missing_trees_folder_error_says_what_to_write(run: Run, words: str, exa
     assert "'bt-agents new NAME'" in said
 
 
+@pytest.mark.parametrize("words", ["forget anna", "profile show", "why", "tune --history a"])
+def test_hint_fits_commands_without_a_folder(run: Run, words: str) -> None:
+    assert "go to one with 'cd'" in str(run(*words.split()).exception)
+    shutil.copytree(TREES, Path.cwd() / "near" / "trees")
+    assert "go there with 'cd near/trees'" in str(run(*words.split()).exception)
+
+
 def test_chosen_trees_folder_is_printed_to_stderr(run: Run, trees: Path) -> None:
     for words in (("check",), ("test", "-k", "own words"), ("explain", "wait")):
         assert f"trees folder: {trees}\n" in run(*words).stderr, words

@@ -123,6 +123,16 @@ def test_damaged_page_reports_rows_and_others_are_recovered(tmp_path):
         assert set(ledger.agents()) == set(saved)
 
 
+def test_ledger_without_its_last_page_is_recovered(tmp_path):
+    path = made(tmp_path / "ledger.sqlite")
+    rows = inspect(str(path)).good
+    path.write_bytes(path.read_bytes()[:-PAGE])
+    report = inspect(str(path))
+    assert report.good == rows
+    assert report.problems
+    assert recover(str(path), str(tmp_path / "new.sqlite")) == rows
+
+
 @pytest.mark.parametrize(("number", "saved", "revisions"), [(7, 7, 4), (13, 12, 10)])
 def test_good_revisions_are_recovered_into_new_ledger(tmp_path, number, saved, revisions):
     path, new = made(tmp_path / "ledger.sqlite"), tmp_path / "new.sqlite"

@@ -14,6 +14,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene_labels import SceneLabels
+from bt_agents_core.text import join_first
 from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.decisions import (
     SOON_S,
@@ -93,7 +94,7 @@ def _show(auctions: Sequence[Any], round_number: int | None, form: TableForm) ->
     """Print and return the decision of a round; without a number, of the last one."""
     found = [a for a in auctions if round_number is None or a.round == round_number]
     if not found:
-        known = ", ".join(str(a.round) for a in auctions)
+        known = join_first([str(a.round) for a in auctions])
         which = "yet" if round_number is None else f"of round {round_number}"
         hint = f"there are rounds {known}" if known else "'bt-agents trigger' asks for one"
         raise BtAgentsError(f"no decision {which}; {hint}")
