@@ -26,7 +26,7 @@ from bt_agents_lab.replay.replay_learning import ProfileHistory, is_managed, rul
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec
-from feedback_node.learning.learning_step import requested, step
+from feedback_node.learning.learning_step import parameter_rules, requested, step
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import AcceptedBid, ClosedBy, Terms
 from marketplace_node.round.ranking import decide
@@ -351,7 +351,7 @@ class _Counterfactual:
             ).after
         if kind is FeedbackKind.SET:
             return replace(now, profile=profile)
-        asked = requested(kind, now.profile, target, space=space, rule=rule)
+        asked = requested(parameter_rules(rule, space), kind, now.profile, target)
         return _Taught(profile=profile, recent=(*now.recent, asked), changes=now.changes + 1)
 
     @property

@@ -97,11 +97,7 @@ def layer_step(
         changes=changes,
         authored=agent.authored,
     )
-    requested = (
-        ()
-        if kind is FeedbackKind.SET
-        else (learning_step.requested(kind, step.before, step.target, space=space, rule=rule),)
-    )
+    requested = () if kind is FeedbackKind.SET else (step.requested,)
     of_rate = all(rate == step.rate for rate in step.rates)
     return LayerStep(
         cause=replace(
@@ -128,12 +124,8 @@ def taught(
         target = space.ordered(row.cause.target)
         if row.cause.kind == FeedbackKind.NEGATIVE:
             before = ledger.before(row)
-            target = learning_step.requested(
-                FeedbackKind.NEGATIVE,
-                space.ordered(before.profile),
-                target,
-                space=space,
-                rule=LearningRule(retreat=row.cause.retreat),
-            )
+            rules = learning_step.parameter_rules(LearningRule(retreat=row.cause.retreat), space)
+            profile = space.ordered(before.profile)
+            target = learning_step.requested(rules, FeedbackKind.NEGATIVE, profile, target)
         found.append(target)
     return tuple(found)
