@@ -20,7 +20,7 @@ from marketplace_node import strategies
 from marketplace_node.round import round_model
 from marketplace_node.settings import Settings
 from marketplace_node.strategies import STRATEGIES, Bid, order, round_rng
-from marketplace_node.strategies.distances import folded_mean
+from marketplace_node.strategies.catalogue import folded_mean
 from marketplace_node.strategies.strategy import FloatArray
 
 NAN = math.nan
