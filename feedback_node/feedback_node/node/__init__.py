@@ -21,6 +21,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.health import PartHealth
 from bt_agents_core.log_budget import LogBudget
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.state_folder import claim_state
 from bt_agents_core.trees_folder import find_trees
@@ -273,7 +274,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             )
 
     def _on_status(self, message: TreeStatus) -> None:
-        run = (message.epoch, message.round, message.agent)
+        run = RunKey.of(message)
         self._controller.on_leaf(run, message.tip)
         for change in message.changes:
             for one in change.values:
