@@ -435,8 +435,8 @@ class Market:
         if self._interaction is not None:
             self._interaction.go_on(now)
         self._finish(now)
-        while self._interaction is None and (waiting := self._admission.next(now)) is not None:
-            self._interaction = Interaction(self._market_state, waiting, now)
+        while self._interaction is None and (queued := self._admission.next(now)) is not None:
+            self._interaction = Interaction(self._market_state, queued, now)
             self._finish(now)
         status = self._describe(now)
         effects = self._market_state.take_effects()
@@ -533,7 +533,7 @@ class Market:
             host=goal.host if goal else "",
             finished_scene_id=self._finished_scene_id,
             queued=len(self._admission),
-            waiting=self._admission.waiting,
+            waiting=self._admission.labels,
             awaited_hosts=tuple(awaited or ()),
             hosts=len(live),
             agents=sum(len(entry.agents) for entry in live),

@@ -60,7 +60,7 @@ class Interaction:
     Each agent runs at most once per interaction, so every interaction ends.
 
     Attributes:
-        waiting: Queue entry of the scene that started it.
+        queued: Queue entry of the scene that started it.
         silent: Hosts that did not answer, so they might still run the scene.
         round: Number of its open round, else of its last one.
         open_round: The open round; None between rounds.
@@ -68,8 +68,8 @@ class Interaction:
         over: The end of the scene; None before.
     """
 
-    def __init__(self, market_state: MarketState, waiting: QueuedScene, now: float) -> None:
-        self.waiting = waiting
+    def __init__(self, market_state: MarketState, queued: QueuedScene, now: float) -> None:
+        self.queued = queued
         self.silent: set[str] = set()
         self.state = State.BIDDING
         self.round = 0
@@ -83,19 +83,19 @@ class Interaction:
         self._not_taken_by: list[str] = []
         self._award: Award | None = None
         self._asked: frozenset[tuple[str, str]] = frozenset()
-        self._excluded = dict(waiting.excluded)
+        self._excluded = dict(queued.excluded)
         self._follow_ups = 0
         self._again: Scene | None = None
         self._last_run: tuple[str, str] | None = None
         self._last_goal: RunGoal | None = None
         self._last_text = ""
         self._hurries = False
-        self._open(self.origin, now, follows=0, drawn=waiting.drawn)
+        self._open(self.origin, now, follows=0, drawn=queued.drawn)
 
     @property
     def origin(self) -> Scene:
         """The scene that started it."""
-        return self.waiting.scene
+        return self.queued.scene
 
     @property
     def declined_by(self) -> frozenset[tuple[str, str]]:
@@ -162,7 +162,7 @@ class Interaction:
 
     def accepted(self, goal: RunGoal, now: float) -> bool:
         """Handle the acceptance of a goal; return False when it is no longer awaited."""
-        award = self._waiting(goal)
+        award = self._award_of(goal)
         if award is not None and not award.accepted:
             award.accepted = True
             assert self._decision is not None, "an award follows a decision"
@@ -178,13 +178,13 @@ class Interaction:
 
     def refused(self, goal: RunGoal, reason: str, now: float) -> None:
         """Handle a goal that the host refused, or that could not be sent."""
-        award = self._waiting(goal)
+        award = self._award_of(goal)
         if award is not None and not award.accepted:
             self._not_taken(award, reason, now)
 
     def ended(self, goal: RunGoal, end: RunEnd, now: float) -> bool:
         """Handle the end of a run; return False when it is not the run of the award."""
-        award = self._waiting(goal)
+        award = self._award_of(goal)
         if award is None or not award.accepted:
             return False
         if end.outcome in _REPORTED:
@@ -441,7 +441,7 @@ class Interaction:
             agent=agent,
         )
 
-    def _waiting(self, goal: RunGoal) -> Award | None:
+    def _award_of(self, goal: RunGoal) -> Award | None:
         award = self._award
         over = award is None or award.goal != goal or self.state is State.COLLECTING
         return None if over else award
