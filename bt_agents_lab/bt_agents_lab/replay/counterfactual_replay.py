@@ -8,7 +8,7 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from bt_agents.host.agent_registry import unmet
+from bt_agents.host.agent_registry import decline_of
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.local_time import local_time
@@ -215,7 +215,7 @@ class _Counterfactual:
         if auction.closed_by == ClosedBy.STOPPED:
             return "", math.nan
         scene = scene_of(auction.scene, space)
-        bids = self._bids(one, scene, space)
+        bids = self._bids(one, scene)
         self._outlook.bidders |= {bid.agent for bid in bids}
         terms = self._terms(one, scene)
         external = external_of(auction) if terms.strategy == EXTERNAL else None
@@ -241,7 +241,7 @@ class _Counterfactual:
             terms = replace(terms, strategy=self._changes.strategy, options=options)
         return terms
 
-    def _bids(self, one: Round, scene: Scene, space: SceneSpace) -> list[AcceptedBid]:
+    def _bids(self, one: Round, scene: Scene) -> list[AcceptedBid]:
         auction = one.auction
         bids = {bid.agent: bid for bid in bids_of(auction.ranking)}
         if self._changes.agents is None:
@@ -249,9 +249,8 @@ class _Counterfactual:
         found = []
         for spec in self._specs.values():
             profile = self._profile_of(spec, scene)
-            tunables = {tunable.name: tunable.default for tunable in spec.tunables}
-            if _left_out(one, spec.name) or unmet(
-                spec, space, scene, profile, tunables, lambda: local_time(auction.header.stamp.sec)
+            if _left_out(one, spec.name) or decline_of(
+                spec.requires, scene, lambda: local_time(auction.header.stamp.sec)
             ):
                 continue
             unknown = AcceptedBid(

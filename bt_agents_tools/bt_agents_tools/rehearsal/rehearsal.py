@@ -19,7 +19,7 @@ from bt_agents.engine.environment import SkillGoal
 from bt_agents.engine.node_errors import LocatedReason
 from bt_agents.engine.run import Run, RunResult, StatusChange, TreeOutcome
 from bt_agents.engine.scope import format_value
-from bt_agents.host.agent_registry import unmet
+from bt_agents.host.agent_registry import decline_of
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.live_scene_view import LEASE_S
@@ -158,9 +158,7 @@ class _Rehearsal:
             on_visit=lambda node, status: self._ticked.append((node, status)),
         )
         self._watch = Watch(agent.rules, self._scene, space, self._clock)
-        decline = unmet(
-            agent, space, self._scene, agent.profile, self._tunables, lambda: scenario.clock
-        )
+        decline = decline_of(agent.requires, self._scene, lambda: scenario.clock)
         self._declined = decline.reason if decline is not None else ""
         for one in scenario.during:
             if not one.at:
