@@ -26,7 +26,7 @@ class LayerStep:
     Attributes:
         false_rate: Estimated share of wrong feedback for the layer, including this one, 0..1; NaN
             for too little feedback.
-        recent: The latest targets for the layer, including this one; see :func:`taught`.
+        recent: The latest targets for the layer, including this one; see :func:`past_targets`.
     """
 
     cause: RevisionCause
@@ -78,8 +78,8 @@ def layer_step(
     """Return the step of one layer of an agent for one feedback.
 
     The layer learns the ``share`` (0..1) of it. ``changes`` is the number of feedbacks that led to
-    its profile, and ``recent`` their targets, see :func:`taught`. The fields of ``cause`` that
-    depend on the step are still missing.
+    its profile, and ``recent`` their targets, see :func:`past_targets`. The step completes
+    ``cause``.
 
     Raises:
         Refused: As in :func:`learning_step.step`.
@@ -115,7 +115,7 @@ def layer_step(
     )
 
 
-def taught(
+def past_targets(
     ledger: LedgerReader, agent: str, layer: str, space: SceneSpace, window: int
 ) -> tuple[Vector, ...]:
     """Return the targets of the last feedbacks, newest last; at least ``window`` if there are."""

@@ -268,7 +268,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
             person = _PERSON[request.person]
             name = _check_name(request)
             gives = bool(values) or person is not None
-            if gives and not request.announce and not self._present_id():
+            if gives and not request.announce and not self._current_id():
                 raise Refused(
                     RefusalCode.NOT_RUNNING,
                     "no agent is running and no scene is waiting, so there is nothing to change; "
@@ -393,13 +393,13 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
     ) -> Scene:
         """Give values to the current interaction; without one they have no effect."""
         now = time.monotonic()
-        scene_id = self._present_id()
+        scene_id = self._current_id()
         if scene_id:
             self._estimate.give(scene_id, values, person, now, told=told)
             self._on_change()
         return self._put_together(scene_id, now)
 
-    def _present_id(self) -> str:
+    def _current_id(self) -> str:
         """Return the id of the running scene, else of the last announced one; empty if over."""
         running = self._runs.run
         return running.scene_id if running is not None else self._announced_id
