@@ -19,7 +19,7 @@ from marketplace_node.round.decision import (
     Terms,
     UndecidedRule,
 )
-from marketplace_node.round.round_model import RoundModel, Scored, round_bids
+from marketplace_node.round.round_model import RoundModel, RoundScores, round_bids
 from marketplace_node.strategies import STRATEGIES, StrategySpec
 
 FALLBACK = "manhattan"
@@ -109,7 +109,7 @@ def _model(
 
 
 def _ranked(
-    model: RoundModel, accepted: Sequence[AcceptedBid], scored: Scored, places: Sequence[int]
+    model: RoundModel, accepted: Sequence[AcceptedBid], scored: RoundScores, places: Sequence[int]
 ) -> tuple[RankedBid, ...]:
     ranked = []
     for place in places:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Model of a round that scores other scenes; everything but the scene is fixed."""
+"""Scores of a round: as it is, and as it would be for another scene."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from marketplace_node.strategies import Bid, RoundBids, Score, StrategySpec, ord
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scored:
+class RoundScores:
     """Scores of one round; precedence, placed bids and undecided rules as in :class:`Ranked`."""
 
     scores: Sequence[Score]
@@ -42,19 +42,19 @@ class RoundModel:
     seed: str
     external: External | None = None
 
-    def score(self) -> Scored:
+    def score(self) -> RoundScores:
         """Return the scores for the scene of the round.
 
         Raises:
-            Refused: ``STRATEGY_FAILED``; see :func:`scored`.
+            Refused: ``STRATEGY_FAILED``; see :func:`strategy_scores`.
         """
-        scores = scored(self.spec, self.given, self.options, self.seed)
+        scores = strategy_scores(self.spec, self.given, self.options, self.seed)
         applied = self._applied_rules()
         agents, why = self._first(applied)
         if not agents:
-            return Scored(scores=scores, undecided=applied.undecided)
+            return RoundScores(scores=scores, undecided=applied.undecided)
         bidders = self._bidders()
-        return Scored(
+        return RoundScores(
             scores=apply_precedence(scores, [bidders.index(agent) for agent in agents]),
             precedence=why,
             placed=len(agents),
@@ -122,7 +122,7 @@ def round_bids(space: SceneSpace, terms: Terms, accepted: Sequence[AcceptedBid])
     )
 
 
-def scored(
+def strategy_scores(
     spec: StrategySpec, given: RoundBids, options: Mapping[str, float], seed: str
 ) -> list[Score]:
     """Return the checked scores of a strategy, which may be third-party.

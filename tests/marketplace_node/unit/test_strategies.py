@@ -54,7 +54,7 @@ def test_folded_mean_matches_its_integral(gap: float, std: float) -> None:
 def test_undeclared_draw_fails_strategy() -> None:
     secretive = replace(STRATEGIES["softmax"], draws=False)
     with pytest.raises(Refused, match=r"'random\.random' needs draws=True"):
-        round_model.scored(secretive, field((3.0,), [(4.0,)]), {}, "seed")
+        round_model.strategy_scores(secretive, field((3.0,), [(4.0,)]), {}, "seed")
 
 
 def winners(
