@@ -61,7 +61,8 @@ class Interaction:
 
     Attributes:
         queued: Queue entry of the scene that started it.
-        silent: Hosts that did not answer, so they might still run the scene.
+        silent: Hosts that have not answered the last call, or have not taken their run: a later
+            call may be answered otherwise.
         round: Number of its open round, else of its last one.
         open_round: The open round; None between rounds.
         due: Its deadline, apart from the open round's, steady time [s].
@@ -99,7 +100,7 @@ class Interaction:
 
     @property
     def declined_by(self) -> frozenset[tuple[str, str]]:
-        """Hosts that answered in its last round, each with its instance."""
+        """Hosts asked in its last round that are not ``silent``, each with its instance."""
         return frozenset(one for one in self._asked if one[0] not in self.silent)
 
     @property
