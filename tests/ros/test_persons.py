@@ -258,9 +258,9 @@ def test_tree_remembers_person_and_updates_live_scene(ros, monkeypatch):
         environment=RosEnvironment(
             ros.node,
             lambda: None,
+            run_goal=lambda: None,
             open_goals=OpenGoalList(ros.node, "first", lambda: None),
             space=space,
-            agent=lambda: "a",
         ),
         steady=time.monotonic,
     )

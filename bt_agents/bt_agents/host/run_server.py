@@ -33,7 +33,6 @@ from bt_agents_core.stop_cause import Cancellation, StopCause, stopper
 from bt_agents_core.text import printable_line
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
-from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.messages import partial_scene_from_msg, scene_from_msg, scene_to_msg
@@ -148,11 +147,9 @@ class RunServer:
         self.environment = RosEnvironment(
             node,
             self._on_arrival,
+            run_goal=lambda: self.goal,
             open_goals=OpenGoalList(node, instance, lambda: self.goal, open_goals_file),
             space=registry.space,
-            agent=lambda: self.goal.agent if self.goal is not None else "",
-            scene=lambda: self.goal.scene if self.goal is not None else SceneMsg(),
-            run=lambda: RunKey.of(self.goal) if self.goal is not None else None,
             slowness=slowness,
         )
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
