@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
@@ -128,10 +128,8 @@ class SceneAdmission:
 
     def next(self, now: float) -> QueuedScene | None:
         """Dequeue the next scene; None when the queue is empty or all scenes wait for hosts."""
-        if not self._queue:
-            return None
-        awaited = self._awaited(now)
-        place = next((i for i, one in enumerate(self._queue) if awaited(one) is None), None)
+        hosts = enumerate(self._awaited(now))
+        place = next((place for place, awaited in hosts if awaited is None), None)
         return None if place is None else self._queue.pop(place)
 
     def put_back(self, interaction: Interaction, now: float) -> bool:
@@ -159,8 +157,7 @@ class SceneAdmission:
 
         The mapping is empty when they wait for hosts that have yet to register.
         """
-        awaited = self._awaited(now)
-        found = [hosts for hosts in map(awaited, self._queue) if hosts is not None]
+        found = [hosts for hosts in self._awaited(now) if hosts is not None]
         return {host: why for hosts in found for host, why in hosts.items()} if found else None
 
     def start(self, now: float) -> None:
@@ -174,26 +171,26 @@ class SceneAdmission:
         if self._started is not None:
             self._started += lasted_s
 
-    def _awaited(self, now: float) -> Callable[[QueuedScene], dict[str, str] | None]:
-        """Return a function for the hosts that a scene waits for; None if it need not wait."""
+    def _awaited(self, now: float) -> Iterator[dict[str, str] | None]:
+        """Yield the hosts that each queued scene waits for; None where it need not wait."""
+        if not self._queue:
+            return
         state = self._market_state
-        expected = state.hosts.expected(now) if self._queue else {}
+        expected = state.hosts.expected(now)
         none_known = not state.hosts.registry.entries()
         started = now if self._started is None else self._started
         held = now < self._held_until and not state.hosts.earlier_hosts_back(now)
         first_expected = none_known and now - started < state.settings.host_wait_s
 
-        def awaited(queued: QueuedScene) -> dict[str, str] | None:
-            if first_expected or held:
-                return {}
+        for queued in self._queue:
             hosts = self._expected_for(queued, expected)
-            if not hosts or state.can_ask(
-                queued.scene.scene_id, queued.excluded, queued.declined_by, now
-            ):
-                return None
-            return hosts
-
-        return awaited
+            scene_id, but = queued.scene.scene_id, queued.declined_by
+            if first_expected or held:
+                yield {}
+            elif not hosts or state.can_ask(scene_id, queued.excluded, but, now):
+                yield None
+            else:
+                yield hosts
 
     def _expected_for(self, queued: QueuedScene, expected: dict[str, str]) -> dict[str, str]:
         """Return the expected hosts that could run a scene and have not declined it."""
