@@ -264,12 +264,11 @@ class FeedbackController:
         run = self._runs.last(agent)
         if given.scene is not None and (run is None or run.scene.scene_id != given.scene.scene_id):
             run = AnnouncedRun(epoch="", round=0, agent=agent, scene=given.scene)
+        names_profile = kind in (FeedbackKind.DIRECT, FeedbackKind.SET)
         change = self.profiles.apply(
             agent,
             kind,
-            given.values
-            if kind in (FeedbackKind.DIRECT, FeedbackKind.SET)
-            else self._scene(given, agent, run),
+            given.values if names_profile else self._scene(given, agent, run),
             feedback_id=given.feedback_id or self._new_id(),
             source=given.source,
             reason=given.reason,

@@ -320,7 +320,7 @@ class Profiles:
         crowded: list[Refused] = []
         scene = run.scene if run else None
         window = agent.learning.window
-        for place, (layer, share) in enumerate(shares(agent.learning, kind, scene)):
+        for number, (layer, share) in enumerate(shares(agent.learning, kind, scene)):
             known_layer = self._current.get((name, layer))
             if known_layer is None:
                 try:
@@ -336,7 +336,7 @@ class Profiles:
                 target,
                 agent=agent,
                 share=share,
-                cause=anonymous(cause) if place else cause,
+                cause=anonymous(cause) if number else cause,
                 changes=known_layer.cause.changes if known_layer else 0,
                 recent=self._past_targets(name, layer, window),
                 space=self.space,
