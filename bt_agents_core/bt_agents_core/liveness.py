@@ -65,8 +65,8 @@ class StallDetector:
         self._settle_s = settle_s
         self._until = now
 
-    def hold_off_s(self, now: float) -> float:
-        """Poll the clock; return how long to refrain from acting, 0 if not at all [s]."""
+    def poll(self, now: float) -> float:
+        """Detect a stall since the last poll; return how long not to act, 0 if not at all [s]."""
         gap, self._last = now - self._last, now
         if gap > self._limit_s:
             self.last_stall_s = gap
