@@ -9,6 +9,9 @@ HEARTBEAT_S = 0.2
 The shortest lease is more than twice as long.
 """
 
+LIVE_LEASE_S = 1.0
+"""Silence after which a live scene is stale; at least twice the period of live scenes [s]."""
+
 STALL_S = 0.5
 """A process that ran nothing for longer than this has stalled [s]."""
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
-from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.liveness import LIVE_LEASE_S
 from bt_agents_core.mood import Addressee
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.run_key import RunKey
@@ -101,7 +101,7 @@ class FeedbackController:
         clock: Callable[[], float],
         new_id: Callable[[], str],
         simulated: SimulatedFeedback | None = None,
-        lease_s: float = LEASE_S,
+        lease_s: float = LIVE_LEASE_S,
     ) -> None:
         self.profiles = profiles
         self.undecided: tuple[tuple[str, str], ...] = ()
