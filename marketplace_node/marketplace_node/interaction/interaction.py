@@ -54,6 +54,15 @@ class QueuedScene:
     in_vain_since: float | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class _DecidingRun:
+    """The ended run that decides how the scene ends; ``agent`` is empty if no tree has run."""
+
+    goal: RunGoal
+    code: str
+    agent: str
+
+
 class Interaction:
     """State machine of one interaction; final once ``over`` is set.
 
@@ -87,8 +96,7 @@ class Interaction:
         self._excluded = dict(queued.excluded)
         self._follow_ups = 0
         self._again: Scene | None = None
-        self._last_run: tuple[str, str] | None = None
-        self._last_goal: RunGoal | None = None
+        self._deciding_run: _DecidingRun | None = None
         self._last_text = ""
         self._hurries = False
         self._open(self.origin, now, follows=0, drawn=queued.drawn)
@@ -118,12 +126,12 @@ class Interaction:
     @property
     def last_run(self) -> StoredRun | None:
         """The run that decides how its scene ends; None while none has begun."""
-        award = self._award
+        award, run = self._award, self._deciding_run
         if award is not None and award.accepted and self.state is not State.COLLECTING:
             return self._stored_run(award.goal)
-        if self._last_run is None or self._last_goal is None:
+        if run is None:
             return None
-        return self._stored_run(self._last_goal, code=self._last_run[0], message=self._last_text)
+        return self._stored_run(run.goal, code=run.code, message=self._last_text)
 
     def _stored_run(self, goal: RunGoal, *, code: str = "", message: str = "") -> StoredRun:
         return StoredRun(
@@ -384,10 +392,9 @@ class Interaction:
         goal = award.goal
         self._market_state.effects.append(award.end(outcome, end, now))
         self._last_text = f"{goal.agent} {outcome.name.lower()}: {end.message}"
-        if award.started is not None or self._last_run is None:
-            ran = "" if award.started is None else goal.agent
-            self._last_run = (award.end_code(outcome), ran)
-            self._last_goal = goal
+        if award.started is not None or self._deciding_run is None:
+            agent = "" if award.started is None else goal.agent
+            self._deciding_run = _DecidingRun(goal=goal, code=award.end_code(outcome), agent=agent)
         self._plan_follow_up(award, outcome, end.message)
         if outcome is RunOutcome.LOST or award.started is None:
             self._proceed()
@@ -432,8 +439,8 @@ class Interaction:
     def _finish(self, code: str, message: str) -> None:
         """End the scene; if a tree has run for it, with the outcome of the last run."""
         agent = ""
-        if self._last_run is not None:
-            code, agent = self._last_run
+        if self._deciding_run is not None:
+            code, agent = self._deciding_run.code, self._deciding_run.agent
         self.over = SceneEnded(
             scene_id=self.origin.scene_id,
             code=code,
