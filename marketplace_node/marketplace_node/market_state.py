@@ -120,7 +120,7 @@ class MarketState:
             preview=preview is not None,
         )
 
-    def outcome(self, decision: Decision, reason_fn: Callable[[], str]) -> PublishAuction:
+    def as_published(self, decision: Decision, reason_fn: Callable[[], str]) -> PublishAuction:
         """Return a decision in its published form, with the current statistics."""
         return PublishAuction(
             decision=decision,
@@ -134,7 +134,7 @@ class MarketState:
         """Count a decision and publish it with the line that ``reason_fn`` formats."""
         self.statistics.take(decision)
         self._take_undecided(decision)
-        self.effects.append(self.outcome(decision, reason_fn))
+        self.effects.append(self.as_published(decision, reason_fn))
 
     def _take_undecided(self, decision: Decision) -> None:
         """Store the undecided rules, if the round has evaluated rules."""
