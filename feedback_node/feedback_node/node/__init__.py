@@ -49,7 +49,7 @@ from feedback_node.ledger.file import LedgerError
 from feedback_node.management.management import Management, ManagementCommand
 from feedback_node.mood_trace import RunValues
 from feedback_node.node.cancel_requests import CancelRequests
-from feedback_node.node.hosts import HostProfiles
+from feedback_node.node.hosts import ProfileDeliveries
 from feedback_node.node.messages import (
     card_from_msg,
     collected_from_msg,
@@ -161,7 +161,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         self._cards_until = time.monotonic() + CARDS_S
         self._card_awaited: list[Future] = []
         self._calls = Calls(self)
-        self._hosts = HostProfiles(self, self._calls, self._profiles, self._publish_table)
+        self._hosts = ProfileDeliveries(self, self._calls, self._profiles, self._publish_table)
         self._trees: dict[str, Subscription[TreeStatus]] = {}
         self._run_values = RunValues()
         self._problems: dict[str, tuple[str, ...]] = {}
