@@ -57,7 +57,7 @@ class LearningRule:
         update: ``PLAIN`` follows each feedback, ``HUBER`` at most as far as ``width``, ``MEDIAN``
             the median of the last ``window``.
         width: For ``HUBER``: largest distance that counts, by parameter, in its unit; without an
-            entry it is :data:`feedback_node.learning.updates.WIDTH_SHARE` of the range.
+            entry it is a quarter of the range.
         window: For ``MEDIAN``: how many of the last feedbacks count, 1 or more.
         anneal: The rate after n changes is ``rate / (1 + anneal * n)``; 0 keeps it constant.
         drift: Farthest that feedback moves the profile from its file, by parameter, in its unit.

@@ -9,6 +9,9 @@ HEARTBEAT_S = 0.2
 The shortest lease is more than twice as long.
 """
 
+LIVE_LEASE_S = 1.0
+"""Silence after which a live scene is stale; at least twice the period of live scenes [s]."""
+
 STALL_S = 0.5
 """A process that ran nothing for longer than this has stalled [s]."""
 
@@ -65,8 +68,8 @@ class StallDetector:
         self._settle_s = settle_s
         self._until = now
 
-    def hold_off_s(self, now: float) -> float:
-        """Poll the clock; return how long to refrain from acting, 0 if not at all [s]."""
+    def poll(self, now: float) -> float:
+        """Detect a stall since the last poll; return how long not to act, 0 if not at all [s]."""
         gap, self._last = now - self._last, now
         if gap > self._limit_s:
             self.last_stall_s = gap

@@ -19,6 +19,6 @@ class RunKey:
     agent: str = ""
 
     @classmethod
-    def of(cls, message: Any) -> RunKey:
-        """Return the run of a message: a goal, an event, a heartbeat or a status."""
-        return cls(epoch=message.epoch, round=message.round, agent=message.agent)
+    def of(cls, named: Any) -> RunKey:
+        """Return the run that a goal, an event, a heartbeat or a status names."""
+        return cls(epoch=named.epoch, round=named.round, agent=named.agent)

@@ -13,8 +13,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from bt_agents_core.live_scene_view import LEASE_S
-from bt_agents_core.liveness import SLOW_NETWORK
+from bt_agents_core.liveness import LIVE_LEASE_S, SLOW_NETWORK
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_ros.qos_overrides import PREFIX as QOS_OVERRIDES
@@ -99,7 +98,7 @@ def declare_live_lease(node: Node, changed: Callable[[float], None]) -> float:
         minimum=0.1,
         maximum=60.0,
     )
-    return float(declare_and_watch(node, LIVE_LEASE, LEASE_S, limits, changed))
+    return float(declare_and_watch(node, LIVE_LEASE, LIVE_LEASE_S, limits, changed))
 
 
 def declare_slow_network(node: Node) -> float:

@@ -188,7 +188,7 @@ def _spin(spinner: Spinner, interrupt: Interrupt) -> int:
                 pauses = StallDetector(time.monotonic(), limit_s=LONGEST_PAUSE_S)
                 while not interrupt and rclpy.ok():
                     spinner.spin_once(_CHECK_S)
-                    if restarted and pauses.hold_off_s(time.monotonic()):
+                    if restarted and pauses.poll(time.monotonic()):
                         raise NodeMustEnd(
                             f"this process was paused for {pauses.last_stall_s:.0f} s, and others "
                             "may have dropped it, so it starts again"

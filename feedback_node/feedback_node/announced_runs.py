@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, replace
 
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import Origin, Scene
 
 _REMEMBERED_ENDS = 256
@@ -22,9 +23,9 @@ class AnnouncedRun:
     scene: Scene
 
     @property
-    def key(self) -> tuple[str, int, str]:
-        """Unique key; within a round, the next best agent may replace a lost one."""
-        return self.epoch, self.round, self.agent
+    def key(self) -> RunKey:
+        """Identity of the run."""
+        return RunKey.of(self)
 
 
 class AnnouncedRuns:
@@ -38,9 +39,9 @@ class AnnouncedRuns:
         self.current: AnnouncedRun | None = None
         self._last: AnnouncedRun | None = None
         self._of_agent: dict[str, AnnouncedRun] = {}
-        self._ended: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED_ENDS)
-        self._collected: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED_ENDS)
-        self._uncollected: tuple[str, int, str] | None = None
+        self._ended: deque[RunKey] = deque(maxlen=_REMEMBERED_ENDS)
+        self._collected: deque[RunKey] = deque(maxlen=_REMEMBERED_ENDS)
+        self._uncollected: RunKey | None = None
 
     def started(self, run: AnnouncedRun) -> bool:
         """Handle a start; return True if this run has just become the current one."""

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.mood import Addressee
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import MISSING, Scene, SceneSpace, mood_of
 
 MOST_LEAVES = 1000
@@ -51,17 +52,17 @@ class RunValues:
     """The last values that the nodes of the latest run have changed."""
 
     def __init__(self) -> None:
-        self._run: object = None
+        self._run: RunKey | None = None
         self._values: dict[tuple[str, str], str] = {}
 
-    def change(self, run: object, path: str, name: str, value: str) -> None:
+    def change(self, run: RunKey, path: str, name: str, value: str) -> None:
         """Handle a changed value of a node of a run."""
         if run != self._run:
             self._run, self._values = run, {}
         if (path, name) in self._values or len(self._values) < MOST_VALUES:
             self._values[path, name] = value
 
-    def of(self, run: object) -> Mapping[tuple[str, str], str]:
+    def of(self, run: RunKey) -> Mapping[tuple[str, str], str]:
         """Return path and name → value of a run; empty if it is not the latest one."""
         return self._values if run == self._run else {}
 

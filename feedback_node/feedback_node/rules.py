@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 
-from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.liveness import LIVE_LEASE_S
 from bt_agents_core.mood import Addressee, Mood
 from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_language.expression.expression_values import Undecided
@@ -105,7 +105,7 @@ class Watch:
         space: SceneSpace,
         clock: Callable[[], float],
         settle_s: float = 0.0,
-        lease_s: float = LEASE_S,
+        lease_s: float = LIVE_LEASE_S,
     ) -> None:
         self._rules = tuple(
             _Watched(

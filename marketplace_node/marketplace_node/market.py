@@ -435,43 +435,50 @@ class Market:
         if self._interaction is not None:
             self._interaction.go_on(now)
         self._finish(now)
-        while self._interaction is None and (waiting := self._admission.next(now)) is not None:
-            self._interaction = Interaction(self._market_state, waiting, now)
+        while self._interaction is None and (queued := self._admission.next(now)) is not None:
+            self._interaction = Interaction(self._market_state, queued, now)
             self._finish(now)
         status = self._describe(now)
         effects = self._market_state.take_effects()
-        hosts = tuple(entry.host for entry in self._hosts.registry.live(now))
-        stored = (*self._stored_scenes(), self._hosts.takeover.stored, hosts)
-        changed = stored != self._stored
-        if changed or (confirms and self._has_stored_ends):
-            self._stored = stored
-            # Ends are stored together with the removal of their scenes, so neither can be lost.
-            ends = tuple(
-                replace(effect, epoch=effect.epoch or self.epoch)
-                for effect in effects
-                if isinstance(effect, SceneEnded) and effect.code != RefusalCode.DUPLICATE
-            )
-            run_ends = tuple(run for effect in effects if (run := self._run_end(effect)))
-            self._has_stored_ends = bool(ends or run_ends)
-            # Stored before the ends are announced, so the next start does not contradict them.
-            scenes, _, open_goals, hosts = stored
-            store = StoreScenes(
-                scenes=scenes,
-                taken=self._admission.known,
-                open_goals=open_goals,
-                hosts=hosts,
-                ends=ends,
-                run_ends=run_ends,
-                at_once=changed,
-            )
-            effects.insert(0, store)
-        for effect in effects:
-            if isinstance(effect, SceneEnded) and effect.code != RefusalCode.DUPLICATE:
-                self._market_state.overrides.forget(effect.scene_id)
+        ends = tuple(
+            effect
+            for effect in effects
+            if isinstance(effect, SceneEnded) and effect.code != RefusalCode.DUPLICATE
+        )
+        store = self._store_scenes(effects, ends, now, confirms=confirms)
+        for end in ends:
+            self._market_state.overrides.forget(end.scene_id)
         if status != self._status:
             self._status = status
             effects.append(status)
-        return effects
+        # Stored before the ends are announced, so the next start does not contradict them.
+        return [store, *effects] if store is not None else effects
+
+    def _store_scenes(
+        self, effects: list[Effect], ends: tuple[SceneEnded, ...], now: float, *, confirms: bool
+    ) -> StoreScenes | None:
+        """Return the effect that stores what a later market must know; None if it is stored.
+
+        Ends are stored together with the removal of their scenes, so neither can be lost.
+        """
+        hosts = tuple(entry.host for entry in self._hosts.registry.live(now))
+        stored = (*self._stored_scenes(), self._hosts.takeover.stored, hosts)
+        changed = stored != self._stored
+        if not changed and not (confirms and self._has_stored_ends):
+            return None
+        self._stored = stored
+        run_ends = tuple(run for effect in effects if (run := self._run_end(effect)))
+        self._has_stored_ends = bool(ends or run_ends)
+        scenes, _, open_goals, _ = stored
+        return StoreScenes(
+            scenes=scenes,
+            taken=self._admission.known,
+            open_goals=open_goals,
+            hosts=hosts,
+            ends=tuple(replace(end, epoch=end.epoch or self.epoch) for end in ends),
+            run_ends=run_ends,
+            at_once=changed,
+        )
 
     def _run_end(self, effect: Effect) -> EarlierRun | None:
         """Return the run end that an effect announces, in the form for a later market."""
@@ -533,7 +540,7 @@ class Market:
             host=goal.host if goal else "",
             finished_scene_id=self._finished_scene_id,
             queued=len(self._admission),
-            waiting=self._admission.waiting,
+            waiting=self._admission.labels,
             awaited_hosts=tuple(awaited or ()),
             hosts=len(live),
             agents=sum(len(entry.agents) for entry in live),

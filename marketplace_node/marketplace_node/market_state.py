@@ -52,7 +52,7 @@ class MarketState:
         self.overrides = OperatorOverrides()
         self.effects: list[Effect] = []
         self.hosts = HostAvailability(epoch, space.names, settings, secret, self.effects)
-        self.record = MarketStatistics()
+        self.statistics = MarketStatistics()
         self.rounds = 0
         self.previews = 0
         self.last_scene: Scene | None = None
@@ -113,28 +113,28 @@ class MarketState:
             operator_exclusions=self.overrides.excluded(self.hosts.registry.live(now), awarded),
             intervention=self.overrides.intervention(awarded),
             unasked=self.hosts.absences(now),
-            last_run=dict(self.record.last_run),
-            runs=dict(self.record.runs),
-            rounds_run=self.record.runs.total(),
-            earlier_runs=self.record.earlier_runs,
+            last_run=dict(self.statistics.last_run),
+            runs=dict(self.statistics.runs),
+            rounds_run=self.statistics.runs.total(),
+            earlier_runs=self.statistics.earlier_runs,
             preview=preview is not None,
         )
 
-    def outcome(self, decision: Decision, reason_fn: Callable[[], str]) -> PublishAuction:
+    def as_published(self, decision: Decision, reason_fn: Callable[[], str]) -> PublishAuction:
         """Return a decision in its published form, with the current statistics."""
         return PublishAuction(
             decision=decision,
             reason_fn=reason_fn,
             explanation_fn=partial(explanation, decision, self.space),
-            shadow_rounds=self.record.shadow_rounds,
-            shadow_disagreements=self.record.shadow_disagreements,
+            shadow_rounds=self.statistics.shadow_rounds,
+            shadow_disagreements=self.statistics.shadow_disagreements,
         )
 
     def publish(self, decision: Decision, reason_fn: Callable[[], str]) -> None:
         """Count a decision and publish it with the line that ``reason_fn`` formats."""
-        self.record.take(decision)
+        self.statistics.take(decision)
         self._take_undecided(decision)
-        self.effects.append(self.outcome(decision, reason_fn))
+        self.effects.append(self.as_published(decision, reason_fn))
 
     def _take_undecided(self, decision: Decision) -> None:
         """Store the undecided rules, if the round has evaluated rules."""
@@ -152,7 +152,7 @@ class MarketState:
 
     def starved(self) -> tuple[str, ...]:
         """Return the registered agents that bid repeatedly and never run."""
-        starved = self.record.starvation.starved(self.settings.starvation_rounds)
+        starved = self.statistics.starvation.starved(self.settings.starvation_rounds)
         if not starved:
             return ()
         agents, known = self.hosts.registry.agents, self._starved
@@ -163,8 +163,8 @@ class MarketState:
 
     def count_run(self, agent: str, decision: Decision) -> None:
         """Count and store a run of an agent: the winner, or the next one that accepted."""
-        self.record.count_run(agent, decision.ranked.bidders)
-        newly_starved = self.record.starvation.newly_starved(self.settings.starvation_rounds)
+        self.statistics.count_run(agent, decision.ranked.bidders)
+        newly_starved = self.statistics.starvation.newly_starved(self.settings.starvation_rounds)
         self.effects += [Alarm(message=one) for one in newly_starved]
         self.store()
 
@@ -172,9 +172,9 @@ class MarketState:
         """Store what outlives this start of the market; at once if an operator waits for it."""
         stored = {
             **self.overrides.to_dict(),
-            "runs": self.record.runs,
-            "last_run": self.record.last_run,
-            "in_vain": self.record.starvation.in_vain,
+            "runs": self.statistics.runs,
+            "last_run": self.statistics.last_run,
+            "in_vain": self.statistics.starvation.in_vain,
         }
         text = json.dumps(stored, ensure_ascii=False)
         self.effects.append(StoreOverrides(text=text, at_once=at_once))
@@ -195,7 +195,7 @@ class MarketState:
                 "the stored pins, vetoes and counts cannot be read, so none counts; set pins and "
                 "vetoes again",
             ) from None
-        self.record.restore(*found)
+        self.statistics.restore(*found)
 
     def asked(self, excluded: Collection[str], now: float) -> list[HostEntry]:
         """Return the hosts to ask: free ones with an agent that may bid."""

@@ -146,7 +146,7 @@ class Previews:
             if by is not None:
                 self.open_rounds.remove(preview)
                 decision = preview.close(by, now)
-                outcome = self._market_state.outcome(decision, partial(reason_of, decision))
+                outcome = self._market_state.as_published(decision, partial(reason_of, decision))
                 self._market_state.effects.append(
                     PreviewEnded(number=preview.number, outcome=outcome)
                 )

@@ -61,7 +61,7 @@ class Sources:
 
     def __init__(self, spec: SceneSpec) -> None:
         self._spec = spec
-        self._of = {
+        self._sources_of = {
             name: [source for source in spec.sources if source.parameter == name]
             for name in spec.space.names
         }
@@ -71,9 +71,9 @@ class Sources:
         place = (spec.place,) if isinstance(spec.place, SourceSpec) else ()
         self._parts = spec.persons.parts if spec.persons is not None else ()
         self._named = frozenset((*place, *self._parts))
-        self._own = {
+        self._personal_of = {
             name: [source for source in sources if source.per_person]
-            for name, sources in self._of.items()
+            for name, sources in self._sources_of.items()
         }
         self._largest_std = {p.name: p.ignorance for p in spec.space.parameters}
         self._latest: dict[tuple[SourceSpec, str], Reading] = {}
@@ -138,12 +138,12 @@ class Sources:
             unchanged; None if there never was one. The deviation is at most that of a
             value anywhere in the range.
         """
-        own = self._readings(self._own.get(parameter, ()), person)
+        own = self._readings(self._personal_of.get(parameter, ()), person)
         fresh = [reading for reading in own if now <= reading.stale_at]
-        about_one = bool(person and self._own.get(parameter))
+        about_one = bool(person and self._personal_of.get(parameter))
         found = own
         if not about_one or (fresh and not alone):
-            found = self._readings(self._of.get(parameter, ()), person)
+            found = self._readings(self._sources_of.get(parameter, ()), person)
             fresh = [reading for reading in found if now <= reading.stale_at]
         if not fresh:
             return max(found, key=lambda r: r.at, default=None)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 
 import pytest
@@ -14,8 +15,8 @@ DOCUMENTS = ("CONTRIBUTING.md", "README.md", "docs/how_to_add.md", "docs/archite
 # The output of benchmarks and pages in "build" is not part of the checkout.
 FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"build"}
 NAMED = re.compile(r"`((?:\.\w|\w)[\w.*/-]*)`")
-MOST_STEPS = 56
-MOST_ASKED = 19
+MOST_STEPS = 52
+MOST_ASKED = 18
 
 
 def section(heading: str) -> str:
@@ -28,6 +29,27 @@ def steps() -> list[tuple[int, str]]:
     """Return the numbered files of one cycle."""
     found = re.findall(r"^(\d+)\. `([^`]+)` ", section("## The way of one cycle"), re.MULTILINE)
     return [(int(number), path) for number, path in found]
+
+
+def what_to_read() -> list[tuple[str, list[str]]]:
+    """Return the file of each step, and the classes, functions and methods to read in it."""
+    found = re.findall(
+        r"^\d+\. `([^`]+)` (.*?)\n(?=\d+\. |\n)", section("## The way of one cycle"), re.M | re.S
+    )
+    read = [(path, " ".join(text.split()).partition(" Read ")[2]) for path, text in found]
+    return [(path, re.findall(r"`([^`]+)`", names)) for path, names in read]
+
+
+def definitions(path: str) -> set[str]:
+    """Return the names of the classes, methods (``Class.method``) and functions of a file."""
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    names: set[str] = set()
+    for one in ast.parse((ROOT / path).read_text(encoding="utf-8")).body:
+        if isinstance(one, (ast.ClassDef, *functions)):
+            names.add(one.name)
+            inside = one.body if isinstance(one, ast.ClassDef) else []
+            names |= {f"{one.name}.{part.name}" for part in inside if isinstance(part, functions)}
+    return names
 
 
 def asked() -> list[str]:
@@ -47,6 +69,13 @@ def test_page_lists_each_file_of_cycle_once() -> None:
     assert said is not None
     assert [int(number) for number in said.groups()] == [len(paths), len(asked())]
     assert all((ROOT / path).is_file() for path in (*paths, *asked()))
+
+
+def test_each_step_names_what_to_read_in_its_file() -> None:
+    assert len(what_to_read()) == len(steps())
+    for path, names in what_to_read():
+        assert names, path
+        assert set(names) <= definitions(path), path
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)

@@ -22,7 +22,7 @@ MOST_FILES = {
     "A leaf": 2,
     "A leaf with a new capability": 6,
     "A decorator": 2,
-    "A selection strategy": 2,
+    "A selection strategy": 1,
     "An option of scene sources": 3,
     "A learning rule": 3,
     "A mood action": 4,

@@ -55,9 +55,7 @@ def live(
             changes=changes[agent],
             authored=authored[agent],
         )
-        recent[agent].append(
-            learning_step.requested(kind, profiles[agent], target, space=space, rule=arm.rule)
-        )
+        recent[agent].append(step.requested)
         changes[agent] += 1
         profiles[agent] = step.after
 

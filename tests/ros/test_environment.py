@@ -15,6 +15,7 @@ from rclpy.impl import rcutils_logger
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents_core.local_time import local_time
+from bt_agents_interfaces.action import RunAgent
 from bt_agents_ros import qos
 from bt_agents_ros.workarounds import quick_logger
 from bt_agents_ros.workarounds.quick_logger import QuickLogger
@@ -26,9 +27,9 @@ def environment_of(ros: Any) -> RosEnvironment:
     return RosEnvironment(
         ros.node,
         lambda: None,
+        run_goal=lambda: RunAgent.Goal(agent="guide"),
         open_goals=OpenGoalList(ros.node, "first", lambda: None),
         space=SPACE,
-        agent=lambda: "guide",
     )
 
 

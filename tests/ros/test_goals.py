@@ -22,8 +22,7 @@ from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.environment.subscriptions import DEPTH
 from bt_agents_core.field_types import BindingKind
-from bt_agents_core.run_key import RunKey
-from bt_agents_interfaces.action import Ask
+from bt_agents_interfaces.action import Ask, RunAgent
 from bt_agents_language.model.specs import HeartbeatSpec, NodeSpec, Timeouts, iter_nodes
 from bt_agents_ros import goal_cancellation, qos
 from bt_agents_ros.types import MessageView
@@ -54,17 +53,18 @@ BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_
 class Host:
     """An environment, and how often it has woken its tree."""
 
-    def __init__(self, ros: Any, run: RunKey | None = None, slowness: float = 1.0) -> None:
+    def __init__(
+        self, ros: Any, run_goal: RunAgent.Goal | None = None, slowness: float = 1.0
+    ) -> None:
         self.woken = 0
         self.seen = 0
         self.node = ros.add(rclpy.create_node("host"))
         self.environment = RosEnvironment(
             self.node,
             self._wake,
+            run_goal=lambda: run_goal,
             open_goals=OpenGoalList(self.node, "first", lambda: None),
             space=SPACE,
-            agent=lambda: "guide",
-            run=lambda: run,
             slowness=slowness,
         )
         self._ros = ros
@@ -140,7 +140,7 @@ def news(ros: Any, host: Host, run: GoalRun) -> GoalState:
 
 
 def test_goal_carries_run_key_when_its_type_allows(ros: Any) -> None:
-    host = Host(ros, run=RunKey(epoch="e1", round=7, agent="guide"))
+    host = Host(ros, run_goal=RunAgent.Goal(epoch="e1", round=7, agent="guide"))
     server, service = (
         ScriptedServer(ros),
         ScriptedService(ros, SetBool, "switch", lambda _, answer: answer),

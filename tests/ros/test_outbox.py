@@ -14,6 +14,7 @@ from rclpy.task import Future
 from bt_agents.engine.environment import GoalState
 from bt_agents.host.environment.feedback_requests import STORED, FeedbackRequests
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
@@ -151,7 +152,10 @@ class Host:
         self.wakes = 0
         self.scene = scene_to_msg(scene(age=5, familiarity=1, mood=3))
         self.requests = FeedbackRequests(
-            ros.node, self._wake, space=SPACE, agent=lambda: "mira", scene=lambda: self.scene
+            ros.node,
+            self._wake,
+            run_goal=lambda: RunAgent.Goal(agent="mira", scene=self.scene),
+            space=SPACE,
         )
 
     def _wake(self) -> None:

@@ -8,7 +8,7 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents.engine.decorator import Decorator
+from bt_agents.engine.bases import Decorator
 from bt_agents.engine.light_behaviour import RUNNING
 
 

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 from py_trees.common import Status
 
+from bt_agents.engine.bases import GoalLeaf
 from bt_agents.engine.environment import GoalState, SkillGoal
-from bt_agents.engine.leaf import GoalLeaf
 from bt_agents_core.field_types import Plain
 from bt_agents_language.model.specs import Binding, Timeouts
 

@@ -6,17 +6,17 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
-from bt_agents.engine.scope import RunScope
 from bt_agents_core.errors import Refused
-from bt_agents_core.field_types import Plain
 from bt_agents_core.local_time import LocalTime
 from bt_agents_core.profile_layers import MOST_LAYERS, checked_layer, layers_of
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from bt_agents_language.expression.expression_values import Undecided
-from bt_agents_language.expression.expressions import MissingValue
+from bt_agents_language.expression.expressions import Expression, MissingValue
+from bt_agents_language.expression.name_resolution import resolve
 from bt_agents_language.model.specs import AgentSpec
 
 
@@ -301,19 +301,17 @@ class AgentRegistry:
     ) -> dict[str, Decline]:
         """Return the declines of a scene by agent name."""
         declined = {}
-        unmet_ones: dict[str, Decline | None] = {}  # a condition depends only on scene and time
+        by_condition: dict[str, Decline | None] = {}
         for member in conditional:
             name, requires = member.spec.name, member.spec.requires
             if name in excluded:
                 continue
             if member.obstacle:
                 decline: Decline | None = Decline(member.obstacle)
-            elif requires is not None and requires.text in unmet_ones:
-                decline = unmet_ones[requires.text]
+            elif requires is not None and requires.text in by_condition:
+                decline = by_condition[requires.text]
             elif requires is not None:
-                profile, tunables = member.profile_for(scene), member.tunables
-                decline = unmet(member.spec, self.space, scene, profile, tunables, clock)
-                unmet_ones[requires.text] = decline
+                decline = by_condition[requires.text] = decline_of(requires, scene, clock)
             else:
                 continue
             if decline is not None:
@@ -321,30 +319,20 @@ class AgentRegistry:
         return declined
 
 
-def unmet(
-    spec: AgentSpec,
-    space: SceneSpace,
-    scene: Scene,
-    profile: Vector,
-    tunables: Mapping[str, Plain],
-    clock: Callable[[], LocalTime] | None = None,
+def decline_of(
+    requires: Expression | None, scene: Scene, clock: Callable[[], LocalTime] | None = None
 ) -> Decline | None:
-    """Return the decline of an agent whose requirement is not met now; None if it is met."""
-    requires = spec.requires
+    """Return the decline of an agent whose requirement is not met now; None if it is met.
+
+    A requirement names only values of the scene, its person and the time.
+    """
     if requires is None:
         return None
-    scope = RunScope(
-        space=space,
-        scene=scene,
-        live=lambda: scene,
-        profile=profile,
-        tunables=tunables,
-        clock=clock,
-    )
+    names = partial(resolve, scene=scene, clock=clock, person=scene.of_person)
     try:
-        if requires.is_true(scope.lookup):
+        if requires.is_true(names):
             return None
-        lacking = requires.unmet(scope.lookup)
+        lacking = requires.unmet(names)
     except MissingValue as missing:
         lacking = f"{requires.text}, but {missing.name} is missing"
     except Undecided as undecided:

@@ -26,7 +26,7 @@ class AwardMonitor:
         if run is not None and run.epoch != named.epoch:
             return False
         self._named = named
-        if self.stall.confirmed or self.stall.hold_off_s(now):
+        if self.stall.confirmed or self.stall.poll(now):
             return False
         if run is None or named == run:
             self.stall.confirmed = True
@@ -46,7 +46,7 @@ class AwardMonitor:
 
         It does not wait for a market that has never named a run.
         """
-        wait_s = self.stall.hold_off_s(now)
+        wait_s = self.stall.poll(now)
         names_runs = self._named is not None and self._named.epoch == run.epoch
         return wait_s if self.stall.confirmed or not names_runs else max(wait_s, _POLL_AGAIN_S)
 

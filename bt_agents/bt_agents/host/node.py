@@ -14,9 +14,9 @@ from bt_agents.host.control_service import ControlService
 from bt_agents.host.detail_publisher import DetailPublisher
 from bt_agents.host.earlier_goals import EarlierGoals
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
-from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher
+from bt_agents.host.live_scene import LiveScene
 from bt_agents.host.market_registration import NO_TOKEN, MarketRegistration
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect

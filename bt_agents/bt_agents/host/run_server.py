@@ -33,7 +33,6 @@ from bt_agents_core.stop_cause import Cancellation, StopCause, stopper
 from bt_agents_core.text import printable_line
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
-from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.messages import partial_scene_from_msg, scene_from_msg, scene_to_msg
@@ -122,9 +121,9 @@ class RunServer:
         self._registry = registry
         self._host = str(node.get_fully_qualified_name())
         self._instance = instance
-        self._live = live
-        self._ended: Any = None
-        self._stopped: tuple[Run, Sequence[StatusChange], Time] | None = None
+        self._begin_live = live
+        self._result_future: Any = None
+        self._unpublished: tuple[Run, Sequence[StatusChange], Time] | None = None
         self._ticked = node.get_clock().now()
         self._handle: Any = None
         self._scene: Any = None
@@ -148,11 +147,9 @@ class RunServer:
         self.environment = RosEnvironment(
             node,
             self._on_arrival,
+            run_goal=lambda: self.goal,
             open_goals=OpenGoalList(node, instance, lambda: self.goal, open_goals_file),
             space=registry.space,
-            agent=lambda: self.goal.agent if self.goal is not None else "",
-            scene=lambda: self.goal.scene if self.goal is not None else SceneMsg(),
-            run=lambda: RunKey.of(self.goal) if self.goal is not None else None,
             slowness=slowness,
         )
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
@@ -308,7 +305,7 @@ class RunServer:
     def check_stall(self) -> None:
         """Detect a stall, and close after the farewell; called with each heartbeat."""
         now = time.monotonic()
-        self._award_monitor.stall.hold_off_s(now)
+        self._award_monitor.stall.poll(now)
         if self._withdrawing and not self.busy and now - self._free_since >= _FAREWELL_S:
             self.close()
 
@@ -417,10 +414,10 @@ class RunServer:
 
     async def _execute(self, handle: Any) -> RunAgent.Result:
         goal = handle.request
-        self._ended = Future(executor=self._node.executor)
+        self._result_future = Future(executor=self._node.executor)
         try:
             self._start(goal)
-            result: RunResult = await self._ended
+            result: RunResult = await self._result_future
         except Exception as error:
             result = not_begun(error)
         finally:
@@ -439,11 +436,11 @@ class RunServer:
             answer.stop_cause, answer.host_reason = int(stop.cause), stop.host_reason
         self._notify(self.on_end, goal, answer)
         _close(handle, result)
-        if self._stopped is not None:
+        if self._unpublished is not None:
             # Two tasks deep, so that the callback that sends the result runs first.
             begin = self._node.executor.create_task
-            begin(begin, self._publish_stopped, goal, *self._stopped)
-            self._stopped = None
+            begin(begin, self._publish_stopped, goal, *self._unpublished)
+            self._unpublished = None
         return answer
 
     def _start(self, goal: Any) -> None:
@@ -453,7 +450,7 @@ class RunServer:
             space=self._registry.space,
             scene=self._scene,
             profile=member.profile_for(self._scene),
-            live=self._live(self._scene),
+            live=self._begin_live(self._scene),
             tunables=member.tunables,
             environment=self.environment,
             steady=time.monotonic,
@@ -546,7 +543,7 @@ class RunServer:
 
     def _end(self, result: RunResult) -> None:
         self._timer.cancel()
-        self._ended.set_result(result)
+        self._result_future.set_result(result)
 
     def _give_up(self, run: Run, reason: str) -> RunResult:
         self._node.get_logger().error(traceback.format_exc())
@@ -563,7 +560,7 @@ class RunServer:
         ticked = run.tick()
         if is_over:
             # The canceller waits for the result, not for the changes of a thousand nodes.
-            self._stopped = (run, stopped, self._ticked)
+            self._unpublished = (run, stopped, self._ticked)
         elif stopped or ticked:
             self._publish(run, [*stopped, *ticked])
         if run.overrun is not None:

@@ -19,7 +19,7 @@ from bt_agents_lab.experiments.simulated_world import (
     Person,
     SimulatedWorld,
 )
-from feedback_node.learning import updates
+from feedback_node.learning import learning_step
 from marketplace_node.strategies import STRATEGIES, Bid, RoundBids, differences, total
 
 NEVER = 1_000_000
@@ -92,7 +92,7 @@ class _Run:
         self._wrong_share = wrong_share
         self._spec = STRATEGIES[arm.strategy]
         self._options = self._spec.values(arm.options)
-        self._rule = updates.in_order(arm.rule, world.space)
+        self._rule = learning_step.parameter_rules(arm.rule, world.space)
         self._starts = _vectors(world.starts)
         self._rates: list[float] = world.rates.tolist()
         self._profiles = _vectors(world.starts)
@@ -197,12 +197,14 @@ class _Run:
 
     def _learn(self, agent: int, kind: FeedbackKind, target: Vector, weight: float) -> None:
         rule, profile, recent = self._rule, self._profiles[agent], self._recent[agent]
-        rates = updates.rates(rule, self._rates[agent], weight, self._changes[agent])
-        self._profiles[agent] = updates.apply_update(
+        rates = learning_step.effective_rates(
+            rule, self._rates[agent], weight, self._changes[agent]
+        )
+        self._profiles[agent] = learning_step.apply_update(
             rule, kind, profile, target, rates, recent, self._starts[agent]
         )
         self._changes[agent] += 1
-        recent.append(updates.requested(rule, kind, profile, target))
+        recent.append(learning_step.requested(rule, kind, profile, target))
         del recent[: -self._arm.rule.window]
 
     @property

@@ -8,7 +8,7 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from bt_agents.host.agent_registry import unmet
+from bt_agents.host.agent_registry import decline_of
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.local_time import local_time
@@ -26,7 +26,7 @@ from bt_agents_lab.replay.replay_learning import ProfileHistory, is_managed, rul
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec
-from feedback_node.learning.learning_step import requested, step
+from feedback_node.learning.learning_step import parameter_rules, requested, step
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import AcceptedBid, ClosedBy, Terms
 from marketplace_node.round.ranking import decide
@@ -215,7 +215,7 @@ class _Counterfactual:
         if auction.closed_by == ClosedBy.STOPPED:
             return "", math.nan
         scene = scene_of(auction.scene, space)
-        bids = self._bids(one, scene, space)
+        bids = self._bids(one, scene)
         self._outlook.bidders |= {bid.agent for bid in bids}
         terms = self._terms(one, scene)
         external = external_of(auction) if terms.strategy == EXTERNAL else None
@@ -241,7 +241,7 @@ class _Counterfactual:
             terms = replace(terms, strategy=self._changes.strategy, options=options)
         return terms
 
-    def _bids(self, one: Round, scene: Scene, space: SceneSpace) -> list[AcceptedBid]:
+    def _bids(self, one: Round, scene: Scene) -> list[AcceptedBid]:
         auction = one.auction
         bids = {bid.agent: bid for bid in bids_of(auction.ranking)}
         if self._changes.agents is None:
@@ -249,9 +249,8 @@ class _Counterfactual:
         found = []
         for spec in self._specs.values():
             profile = self._profile_of(spec, scene)
-            tunables = {tunable.name: tunable.default for tunable in spec.tunables}
-            if _left_out(one, spec.name) or unmet(
-                spec, space, scene, profile, tunables, lambda: local_time(auction.header.stamp.sec)
+            if _left_out(one, spec.name) or decline_of(
+                spec.requires, scene, lambda: local_time(auction.header.stamp.sec)
             ):
                 continue
             unknown = AcceptedBid(
@@ -351,7 +350,7 @@ class _Counterfactual:
             ).after
         if kind is FeedbackKind.SET:
             return replace(now, profile=profile)
-        asked = requested(kind, now.profile, target, space=space, rule=rule)
+        asked = requested(parameter_rules(rule, space), kind, now.profile, target)
         recent = with_newest(now.recent, asked)
         return _Taught(profile=profile, recent=recent, changes=now.changes + 1)
 

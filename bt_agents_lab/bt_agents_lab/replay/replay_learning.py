@@ -16,7 +16,7 @@ from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
 from bt_agents_lab.replay.recording_index import RecordedFeedback
 from bt_agents_language.files.learning_reader import MAX_WINDOW
-from feedback_node.learning.learning_step import Step, requested, step
+from feedback_node.learning.learning_step import Step, parameter_rules, requested, step
 
 KIND = "profile change"
 
@@ -66,7 +66,7 @@ class ProfileHistory:
         profile = tuple(feedback.after)
         if kind is not FeedbackKind.SET:
             found, target = tuple(feedback.before), tuple(feedback.target)
-            asked = requested(kind, found, target, space=space, rule=rule)
+            asked = requested(parameter_rules(rule, space), kind, found, target)
             recent = with_newest(before.recent, asked)
             state = ProfileState(
                 revision=number, profile=profile, recent=recent, known=before.known

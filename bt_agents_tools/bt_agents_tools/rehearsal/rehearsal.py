@@ -19,10 +19,10 @@ from bt_agents.engine.environment import SkillGoal
 from bt_agents.engine.node_errors import LocatedReason
 from bt_agents.engine.run import Run, RunResult, StatusChange, TreeOutcome
 from bt_agents.engine.scope import format_value
-from bt_agents.host.agent_registry import unmet
+from bt_agents.host.agent_registry import decline_of
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.liveness import LIVE_LEASE_S
 from bt_agents_core.local_time import next_hour_s
 from bt_agents_core.person_facts import Fact, from_message_fields
 from bt_agents_core.scene import SceneSpace
@@ -48,7 +48,7 @@ from feedback_node.rules import Watch
 TICK_S = 0.1
 """Time between ticks while each of them does something, as on the robot [s]."""
 
-LIVE_SCENE_S = LEASE_S / 2
+LIVE_SCENE_S = LIVE_LEASE_S / 2
 """Time between live scenes while a mood rule waits [s]."""
 
 _NUDGE_S = 1e-6
@@ -158,9 +158,7 @@ class _Rehearsal:
             on_visit=lambda node, status: self._ticked.append((node, status)),
         )
         self._watch = Watch(agent.rules, self._scene, space, self._clock)
-        decline = unmet(
-            agent, space, self._scene, agent.profile, self._tunables, lambda: scenario.clock
-        )
+        decline = decline_of(agent.requires, self._scene, lambda: scenario.clock)
         self._declined = decline.reason if decline is not None else ""
         for one in scenario.during:
             if not one.at:
@@ -276,7 +274,7 @@ class _Rehearsal:
                 self._live.change(one)
                 if one.silent:
                     # The end of the lease ticks the tree, even if it only waits.
-                    lease_end = self._clock.now + LEASE_S + _NUDGE_S
+                    lease_end = self._clock.now + LIVE_LEASE_S + _NUDGE_S
                     self._schedule(ScriptedEvent(after_s=0.0), lease_end)
                 self._event(EventKind.SCENE, change_text(one))
             if one.tunables:

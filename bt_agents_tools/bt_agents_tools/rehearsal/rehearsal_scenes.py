@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.liveness import LIVE_LEASE_S
 from bt_agents_core.person_facts import Fact
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.files.testing.scenarios import RehearsedPerson, Scenario, ScriptedEvent
@@ -85,7 +85,7 @@ class RehearsedLiveScene:
     def now(self) -> Scene:
         """Return the current scene; during a silence the last one, marked as stale."""
         silent_s = 0.0 if self._silent_since is None else self._clock() - self._silent_since
-        return self._seen if silent_s <= LEASE_S else replace(self._seen, stale_s=silent_s)
+        return self._seen if silent_s <= LIVE_LEASE_S else replace(self._seen, stale_s=silent_s)
 
 
 def change_text(event: ScriptedEvent) -> str:

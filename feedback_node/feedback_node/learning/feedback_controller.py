@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
-from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.liveness import LIVE_LEASE_S
 from bt_agents_core.mood import Addressee
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_language.model.mood_rule import MoodAction
 from feedback_node.announced_runs import AnnouncedRun, AnnouncedRuns
@@ -100,7 +101,7 @@ class FeedbackController:
         clock: Callable[[], float],
         new_id: Callable[[], str],
         simulated: SimulatedFeedback | None = None,
-        lease_s: float = LEASE_S,
+        lease_s: float = LIVE_LEASE_S,
     ) -> None:
         self.profiles = profiles
         self.undecided: tuple[tuple[str, str], ...] = ()
@@ -112,11 +113,11 @@ class FeedbackController:
         self._runs = AnnouncedRuns()
         self._watch: Watch | None = None
         self._trace: MoodTrace | None = None
-        self._leaf_of_run: tuple[tuple[str, int, str], str] | None = None
+        self._leaf_of_run: tuple[RunKey, str] | None = None
         self._settle_s = 0.0
         self._card_awaited = False
         self._pending: deque[_Pending] = deque(maxlen=MOST_PENDING)
-        self._taught_run: tuple[str, int, str] | None = None
+        self._taught_run: RunKey | None = None
         self._taught: deque[ProfileChange] = deque(maxlen=MOST_TAUGHT)
 
     def set_lease(self, seconds: float) -> None:
@@ -192,8 +193,8 @@ class FeedbackController:
         trace, self._trace = self._trace, None
         return trace.so_far() if trace is not None else ()
 
-    def on_leaf(self, key: tuple[str, int, str], leaf: str) -> None:
-        """Set the path of the active node of a run; see :attr:`AnnouncedRun.key`.
+    def on_leaf(self, key: RunKey, leaf: str) -> None:
+        """Set the path of the active node of a run.
 
         It may arrive before the start of the run, which another node publishes.
         """
@@ -263,12 +264,11 @@ class FeedbackController:
         run = self._runs.last(agent)
         if given.scene is not None and (run is None or run.scene.scene_id != given.scene.scene_id):
             run = AnnouncedRun(epoch="", round=0, agent=agent, scene=given.scene)
+        names_profile = kind in (FeedbackKind.DIRECT, FeedbackKind.SET)
         change = self.profiles.apply(
             agent,
             kind,
-            given.values
-            if kind in (FeedbackKind.DIRECT, FeedbackKind.SET)
-            else self._scene(given, agent, run),
+            given.values if names_profile else self._scene(given, agent, run),
             feedback_id=given.feedback_id or self._new_id(),
             source=given.source,
             reason=given.reason,

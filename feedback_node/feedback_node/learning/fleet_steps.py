@@ -19,7 +19,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import checked_layer
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import MAX_WEIGHT, SceneSpace, Vector
-from feedback_node.learning import updates
+from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent
 from feedback_node.ledger.rows import (
     AUTHORED,
@@ -304,7 +304,7 @@ class Replay:
         self._agent = agent
         self._space = space
         self._robot = robot
-        self._rule = updates.in_order(agent.learning, space)
+        self._rule = learning_step.parameter_rules(agent.learning, space)
         self._known: set[tuple[str, int]] = set()
         self._keys: list[tuple[float, str, int]] = []
         self._steps: list[FleetStep] = []
@@ -347,13 +347,15 @@ class Replay:
         weight = step.weight
         if step.robot != self._robot:
             weight *= self._agent.learning.weight(FLEET_SOURCE)
-        rates = updates.rates(self._rule, self._agent.entry.learning_rate, weight, state.changes)
-        after = updates.apply_update(
+        rates = learning_step.effective_rates(
+            self._rule, self._agent.entry.learning_rate, weight, state.changes
+        )
+        after = learning_step.apply_update(
             self._rule, step.kind, profile, target, rates, state.recent, authored
         )
         if step.kind is FeedbackKind.SET:
             return ReplayState(profile=after, changes=state.changes, recent=state.recent)
-        asked = updates.requested(self._rule, step.kind, profile, target)
+        asked = learning_step.requested(self._rule, step.kind, profile, target)
         recent = (*state.recent, asked)[-self._agent.learning.window :]
         return ReplayState(profile=after, changes=state.changes + 1, recent=recent)
 

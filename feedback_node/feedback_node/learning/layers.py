@@ -26,7 +26,7 @@ class LayerStep:
     Attributes:
         false_rate: Estimated share of wrong feedback for the layer, including this one, 0..1; NaN
             for too little feedback.
-        recent: The latest targets for the layer, including this one; see :func:`taught`.
+        recent: The latest targets for the layer, including this one; see :func:`past_targets`.
     """
 
     cause: RevisionCause
@@ -78,8 +78,8 @@ def layer_step(
     """Return the step of one layer of an agent for one feedback.
 
     The layer learns the ``share`` (0..1) of it. ``changes`` is the number of feedbacks that led to
-    its profile, and ``recent`` their targets, see :func:`taught`. The fields of ``cause`` that
-    depend on the step are still missing.
+    its profile, and ``recent`` their targets, see :func:`past_targets`. The step completes
+    ``cause``.
 
     Raises:
         Refused: As in :func:`learning_step.step`.
@@ -97,11 +97,7 @@ def layer_step(
         changes=changes,
         authored=agent.authored,
     )
-    requested = (
-        ()
-        if kind is FeedbackKind.SET
-        else (learning_step.requested(kind, step.before, step.target, space=space, rule=rule),)
-    )
+    requested = () if kind is FeedbackKind.SET else (step.requested,)
     of_rate = all(rate == step.rate for rate in step.rates)
     return LayerStep(
         cause=replace(
@@ -119,7 +115,7 @@ def layer_step(
     )
 
 
-def taught(
+def past_targets(
     ledger: LedgerReader, agent: str, layer: str, space: SceneSpace, window: int
 ) -> tuple[Vector, ...]:
     """Return the targets of the last feedbacks, newest last; at least ``window`` if there are."""
@@ -128,12 +124,8 @@ def taught(
         target = space.ordered(row.cause.target)
         if row.cause.kind == FeedbackKind.NEGATIVE:
             before = ledger.before(row)
-            target = learning_step.requested(
-                FeedbackKind.NEGATIVE,
-                space.ordered(before.profile),
-                target,
-                space=space,
-                rule=LearningRule(retreat=row.cause.retreat),
-            )
+            rules = learning_step.parameter_rules(LearningRule(retreat=row.cause.retreat), space)
+            profile = space.ordered(before.profile)
+            target = learning_step.requested(rules, FeedbackKind.NEGATIVE, profile, target)
         found.append(target)
     return tuple(found)

@@ -10,7 +10,7 @@ the agent in the direction of the recognized scene [...] or away from the actual
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
@@ -18,7 +18,12 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import MISSING, SceneSpace, Vector
-from feedback_node.learning import updates
+
+WIDTH_SHARE = 1 / 4
+"""Default width of ``HUBER`` as a share of a parameter's range."""
+
+SAME_SHARE = 1 / 1000
+"""Share of a parameter's range within which a profile counts as on the scene."""
 
 FEWEST_SAMPLES = 8
 """Fewest feedbacks for an estimate of the share of wrong ones."""
@@ -44,6 +49,7 @@ class Step:
         rates: Effective rate of each parameter, from its own rate, weight and annealing, 0..1.
         retreat: Target of negative feedback given on the scene itself; NaN for none.
         after: Resulting profile, inside the ranges.
+        requested: Result of :func:`requested` for this feedback.
         text: The move in words and numbers; says why if nothing has moved.
     """
 
@@ -54,6 +60,7 @@ class Step:
     rates: Vector
     retreat: Vector
     after: Vector
+    requested: Vector
     text: str
 
 
@@ -70,7 +77,7 @@ def step(
     changes: int = 0,
     authored: Vector = (),
 ) -> Step:
-    """Move a profile by one feedback; see :meth:`updates.ParameterRule.apply` for the formulas.
+    """Move a profile by one feedback; see :meth:`ParameterRule.apply` for the formulas.
 
     The target f is a wanted profile, or the scene that the profile p moves towards or away from;
     NaN leaves its parameter alone. ``SET`` means ``p ← f`` at once, whatever the learning rate η,
@@ -93,10 +100,10 @@ def step(
             RefusalCode.OUT_OF_RANGE,
             f"feedback: weight {weight:g} of its source, expected a number from 0",
         )
-    of_rule = updates.in_order(rule, space)
+    of_rule = parameter_rules(rule, space)
     at_once = kind is FeedbackKind.SET
-    rates = (1.0,) * len(space) if at_once else updates.rates(of_rule, rate, weight, changes)
-    after = updates.apply_update(of_rule, kind, before, wanted, rates, recent, authored or before)
+    rates = (1.0,) * len(space) if at_once else effective_rates(of_rule, rate, weight, changes)
+    after = apply_update(of_rule, kind, before, wanted, rates, recent, authored or before)
     moves = [
         f"{name} {old:.4g} → {new:.4g}"
         for name, old, new in zip(space.names, before, after, strict=True)
@@ -115,20 +122,169 @@ def step(
         rates=rates,
         retreat=retreat,
         after=after,
+        requested=requested(of_rule, kind, before, wanted),
         text=", ".join(moves) or f"the profile stays: {why_not}",
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class ParameterRule:
+    """Learning rule of one parameter.
+
+    Attributes:
+        rate: Its own learning rate; NaN for the agent's rate.
+        width: Width of ``HUBER``.
+        window: Number of feedbacks that ``MEDIAN`` looks at.
+        anneal: The rate after m changes is ``rate / (1 + anneal * m)``.
+        drift: Largest distance from the authored value; NaN for no bound.
+        retreat: Target of negative feedback on the scene itself; NaN for none.
+        low: Lower end of the range.
+        high: Upper end of the range.
+    """
+
+    update: Update
+    rate: float
+    width: float
+    window: int
+    anneal: float
+    drift: float
+    retreat: float
+    low: float
+    high: float
+
+    def retreats(self, kind: FeedbackKind, p: float, f: float) -> bool:
+        """Return whether negative feedback meets a value on the scene, and there is a retreat."""
+        return (
+            kind is FeedbackKind.NEGATIVE
+            and not math.isnan(self.retreat)
+            and abs(p - f) <= (self.high - self.low) * SAME_SHARE
+        )
+
+    def requested(self, kind: FeedbackKind, p: float, f: float) -> float:
+        """Return the value that feedback asks for: f, or its mirror image if negative.
+
+        "Away from the scene by the same step" is a step towards ``2p - f``, which may be outside
+        the range; on the scene itself, it is a step towards ``retreat``.
+        """
+        if self.retreats(kind, p, f):
+            return self.retreat
+        return p - (f - p) if kind is FeedbackKind.NEGATIVE else f
+
+    def effective_rate(self, rate: float, weight: float, changes: int) -> float:
+        """Return ``min(1, η · w / (1 + a · m))``.
+
+        Args:
+            rate: Learning rate η of the agent, 0..1; the rule's own takes precedence.
+            weight: Weight w of the source, 0 or more.
+            changes: Number m of feedbacks that moved the profile.
+        """
+        own = rate if math.isnan(self.rate) else self.rate
+        return min(own * weight / (1.0 + self.anneal * changes), 1.0)
+
+    def apply(
+        self,
+        kind: FeedbackKind,
+        p: float,
+        f: float,
+        rate: float,
+        recent: Sequence[float],
+        authored: float,
+    ) -> float:
+        """Return the value after one feedback: ``p ← p + η · d``, inside the range and drift.
+
+        ``d`` is the pull of the feedback, ``f - p``, or ``-(f - p)`` if it is negative. ``HUBER``
+        clips it to ±width (Huber, "Robust Estimation of a Location Parameter", 1964: the gradient
+        of his loss); ``MEDIAN`` replaces ``f`` by the median of what the last feedbacks asked for.
+        A positive step does not pass its target. ``SET`` is ``p ← f``, whatever the rate and the
+        drift. Negative feedback on the scene itself is a step towards ``retreat`` if the rule has
+        one. A value that is already farther from its file than the drift only moves nearer or
+        stays.
+
+        Args:
+            kind: Kind of the feedback.
+            p: The value, inside the range.
+            f: Value of the feedback; NaN for no opinion.
+            rate: Result of :meth:`effective_rate`.
+            recent: Results of :meth:`requested` for the previous feedbacks, newest last; only
+                ``MEDIAN`` uses them.
+            authored: Value in the agent's file.
+        """
+        if math.isnan(f):
+            return p
+        if kind is FeedbackKind.SET:
+            return _clip(f, self.low, self.high)
+        retreats = self.retreats(kind, p, f)
+        goal = self.retreat if retreats else f
+        away = kind is FeedbackKind.NEGATIVE and not retreats
+        pull = p - goal if away else goal - p
+        if self.update is Update.HUBER:
+            pull = _clip(pull, -self.width, self.width)
+        elif self.update is Update.MEDIAN:
+            goal, away = self._median([*recent, self.requested(kind, p, f)]), False
+            pull = goal - p
+        after = p + rate * pull
+        if not away:
+            # Rounding may move the sum one digit past the target, which would be an overshoot.
+            after = _clip(after, min(p, goal), max(p, goal))
+        if not math.isnan(self.drift):
+            after = _clip(after, min(p, authored - self.drift), max(p, authored + self.drift))
+        return _clip(after, self.low, self.high)
+
+    def _median(self, asked: Sequence[float]) -> float:
+        return median([value for value in asked[-self.window :] if not math.isnan(value)])
+
+
+def parameter_rules(rule: LearningRule, space: SceneSpace) -> tuple[ParameterRule, ...]:
+    """Return a rule for each parameter of the space."""
+
+    def of(values: Mapping[str, float], name: str) -> float:
+        return values.get(name, MISSING)
+
+    return tuple(
+        ParameterRule(
+            update=rule.update,
+            rate=of(rule.rates, one.name),
+            width=rule.width.get(one.name, (one.maximum - one.minimum) * WIDTH_SHARE),
+            window=rule.window,
+            anneal=rule.anneal,
+            drift=of(rule.drift, one.name),
+            retreat=of(rule.retreat, one.name),
+            low=one.minimum,
+            high=one.maximum,
+        )
+        for one in space.parameters
+    )
+
+
+def effective_rates(
+    rule: Sequence[ParameterRule], rate: float, weight: float, changes: int
+) -> tuple[float, ...]:
+    """Return the rate of each parameter; see :meth:`ParameterRule.effective_rate`."""
+    return tuple(one.effective_rate(rate, weight, changes) for one in rule)
+
+
 def requested(
+    rule: Sequence[ParameterRule], kind: FeedbackKind, profile: Vector, target: Vector
+) -> Vector:
+    """Return the profile that feedback asks for; see :meth:`ParameterRule.requested`."""
+    return tuple(
+        one.requested(kind, p, f) for one, p, f in zip(rule, profile, target, strict=True)
+    )
+
+
+def apply_update(
+    rule: Sequence[ParameterRule],
     kind: FeedbackKind,
     profile: Vector,
     target: Vector,
-    *,
-    space: SceneSpace,
-    rule: LearningRule = PLAIN,
+    rates: Vector,
+    recent: Sequence[Vector],
+    authored: Vector,
 ) -> Vector:
-    """Return the profile that a feedback other than ``SET`` asked for, as ``recent`` for later."""
-    return updates.requested(updates.in_order(rule, space), kind, profile, target)
+    """Return the profile after one feedback; see :meth:`ParameterRule.apply`."""
+    before = tuple(zip(*recent, strict=True)) or ((),) * len(profile)
+    columns = zip(rule, profile, target, rates, before, authored, strict=True)
+    return tuple(one.apply(kind, p, f, *others) for one, p, f, *others in columns)
 
 
 def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
@@ -194,7 +350,7 @@ def _why_not(
     before: Vector,
     target: Vector,
     rates: Vector,
-    rule: Sequence[updates.ParameterRule],
+    rule: Sequence[ParameterRule],
     authored: Vector,
     space: SceneSpace,
 ) -> str:
@@ -220,3 +376,7 @@ def _why_not(
     if kind is FeedbackKind.NEGATIVE:
         return "it is at the edge of the ranges"
     return "the step is too small"
+
+
+def _clip(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)

@@ -17,7 +17,7 @@ from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent, LearningCard, read_card
 from feedback_node.learning.changes import Delivery, ProfileChange, Table, changed, moved, together
-from feedback_node.learning.layers import LayerStep, anonymous, layer_step, shares, taught
+from feedback_node.learning.layers import LayerStep, anonymous, layer_step, past_targets, shares
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause, check_texts
@@ -320,7 +320,7 @@ class Profiles:
         crowded: list[Refused] = []
         scene = run.scene if run else None
         window = agent.learning.window
-        for place, (layer, share) in enumerate(shares(agent.learning, kind, scene)):
+        for number, (layer, share) in enumerate(shares(agent.learning, kind, scene)):
             known_layer = self._current.get((name, layer))
             if known_layer is None:
                 try:
@@ -336,9 +336,9 @@ class Profiles:
                 target,
                 agent=agent,
                 share=share,
-                cause=anonymous(cause) if place else cause,
+                cause=anonymous(cause) if number else cause,
                 changes=known_layer.cause.changes if known_layer else 0,
-                recent=self._taught(name, layer, window),
+                recent=self._past_targets(name, layer, window),
                 space=self.space,
             )
             steps[layer] = one
@@ -405,12 +405,12 @@ class Profiles:
         current = self._ledger.current(name, layer)
         return math.nan if current is None else self._false_rate_of(current, None)
 
-    def _taught(self, name: str, layer: str, window: int) -> tuple[Vector, ...]:
+    def _past_targets(self, name: str, layer: str, window: int) -> tuple[Vector, ...]:
         current = self._current.get((name, layer))
         number, reach, recent = self._recent.get((name, layer), (-1, 0, ()))
         if current is not None and (number, reach) == (current.revision, window):
             return recent
-        return taught(self._ledger, name, layer, self.space, window)
+        return past_targets(self._ledger, name, layer, self.space, window)
 
     def _false_rate_of(self, revision: ProfileRevision, step: LayerStep | None) -> float:
         """Return it for the current revision of a profile; estimated once per revision."""
@@ -419,7 +419,9 @@ class Profiles:
         if step is not None:
             rate = step.false_rate
         elif number != revision.revision:
-            rate = learning_step.false_rate(taught(self._ledger, *key, self.space, 0), self.space)
+            rate = learning_step.false_rate(
+                past_targets(self._ledger, *key, self.space, 0), self.space
+            )
         self._false_rates[key] = (revision.revision, rate)
         return rate
 

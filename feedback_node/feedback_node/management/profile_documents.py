@@ -14,7 +14,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace, finite_or_none
 from feedback_node.learning import learning_step
-from feedback_node.learning.layers import taught
+from feedback_node.learning.layers import past_targets
 from feedback_node.ledger.file import connect, inspect
 from feedback_node.ledger.reading import LedgerReader
 from feedback_node.ledger.rows import ProfileRevision
@@ -154,7 +154,7 @@ def read_profiles(
         ledger = LedgerReader(database, str(path))
 
         def false_rate(agent: str, layer: str) -> float:
-            return learning_step.false_rate(taught(ledger, agent, layer, space, 0), space)
+            return learning_step.false_rate(past_targets(ledger, agent, layer, space, 0), space)
 
         documents = ProfileDocuments(ledger, false_rate, new_id=lambda: str(uuid.uuid4()))
         return (documents.history if revisions else documents.export)(agent, layer)

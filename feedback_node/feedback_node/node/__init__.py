@@ -21,6 +21,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.health import PartHealth
 from bt_agents_core.log_budget import LogBudget
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.state_folder import claim_state
 from bt_agents_core.trees_folder import find_trees
@@ -48,7 +49,7 @@ from feedback_node.ledger.file import LedgerError
 from feedback_node.management.management import Management, ManagementCommand
 from feedback_node.mood_trace import RunValues
 from feedback_node.node.cancel_requests import CancelRequests
-from feedback_node.node.hosts import HostProfiles
+from feedback_node.node.hosts import ProfileDeliveries
 from feedback_node.node.messages import (
     card_from_msg,
     collected_from_msg,
@@ -160,7 +161,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         self._cards_until = time.monotonic() + CARDS_S
         self._card_awaited: list[Future] = []
         self._calls = Calls(self)
-        self._hosts = HostProfiles(self, self._calls, self._profiles, self._publish_table)
+        self._hosts = ProfileDeliveries(self, self._calls, self._profiles, self._publish_table)
         self._trees: dict[str, Subscription[TreeStatus]] = {}
         self._run_values = RunValues()
         self._problems: dict[str, tuple[str, ...]] = {}
@@ -273,7 +274,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             )
 
     def _on_status(self, message: TreeStatus) -> None:
-        run = (message.epoch, message.round, message.agent)
+        run = RunKey.of(message)
         self._controller.on_leaf(run, message.tip)
         for change in message.changes:
             for one in change.values:

@@ -21,21 +21,21 @@ _LIMIT_S = 1.0
 _MOST_UNDER_WAY = 200
 
 
-class HostProfiles:
+class ProfileDeliveries:
     """Delivers profiles; repeats a delivery that its host has not answered.
 
     Args:
         node: The feedback node.
         calls: Its calls.
         profiles: The profiles to deliver.
-        refused: Called after a host has not accepted an agent's profile.
+        on_problem: Called after a host has not taken the profile of an agent for everybody.
     """
 
     def __init__(
-        self, node: Node, calls: Calls, profiles: Profiles, refused: Callable[[], None]
+        self, node: Node, calls: Calls, profiles: Profiles, on_problem: Callable[[], None]
     ) -> None:
         self._node = node
-        self._refused = refused
+        self._on_problem = on_problem
         self._calls = calls
         self._profiles = profiles
         self._clients: dict[str, Client] = {}
@@ -49,7 +49,7 @@ class HostProfiles:
         return bool(self._client(host).service_is_ready())
 
     def deliver(self, delivery: Delivery, answer: Future | None = None) -> None:
-        """Send a profile to its host; ``answer`` gets "" or the problem."""
+        """Send a profile to its host; ``answer`` gets the problem in words, empty for none."""
         if answer is None and self._under_way[delivery.host] >= _MOST_UNDER_WAY:
             self._waiting.setdefault(delivery.host, {})[_key(delivery)] = delivery
             return
@@ -61,7 +61,7 @@ class HostProfiles:
                 self._node.get_logger().warning(f"{_text(delivery)} not delivered: {problem}")
             if problem and not delivery.layer:
                 self._profiles.not_delivered(delivery.agent)
-                self._refused()
+                self._on_problem()
             if answer is not None:
                 answer.set_result(problem)
             self._deliver_next(delivery.host)

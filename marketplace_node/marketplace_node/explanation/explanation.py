@@ -14,7 +14,7 @@ from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import ClosedBy, Decision, RankedBid, RoundKind
 from marketplace_node.settings import RULES
 from marketplace_node.strategies import STRATEGIES
-from marketplace_node.strategies.exploration import ranges_share
+from marketplace_node.strategies.catalogue import ranges_share
 
 _PARAMETERS_SHOWN = 6
 _REFUSED_SHOWN = 3

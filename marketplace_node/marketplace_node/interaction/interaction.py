@@ -54,22 +54,32 @@ class QueuedScene:
     in_vain_since: float | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class _DecidingRun:
+    """The ended run that decides how the scene ends; ``agent`` is empty if no tree has run."""
+
+    goal: RunGoal
+    code: str
+    agent: str
+
+
 class Interaction:
     """State machine of one interaction; final once ``over`` is set.
 
     Each agent runs at most once per interaction, so every interaction ends.
 
     Attributes:
-        waiting: Queue entry of the scene that started it.
-        silent: Hosts that did not answer, so they might still run the scene.
+        queued: Queue entry of the scene that started it.
+        silent: Hosts that have not answered the last call, or have not taken their run: a later
+            call may be answered otherwise.
         round: Number of its open round, else of its last one.
         open_round: The open round; None between rounds.
         due: Its deadline, apart from the open round's, steady time [s].
         over: The end of the scene; None before.
     """
 
-    def __init__(self, market_state: MarketState, waiting: QueuedScene, now: float) -> None:
-        self.waiting = waiting
+    def __init__(self, market_state: MarketState, queued: QueuedScene, now: float) -> None:
+        self.queued = queued
         self.silent: set[str] = set()
         self.state = State.BIDDING
         self.round = 0
@@ -83,23 +93,22 @@ class Interaction:
         self._not_taken_by: list[str] = []
         self._award: Award | None = None
         self._asked: frozenset[tuple[str, str]] = frozenset()
-        self._excluded = dict(waiting.excluded)
+        self._excluded = dict(queued.excluded)
         self._follow_ups = 0
         self._again: Scene | None = None
-        self._last_run: tuple[str, str] | None = None
-        self._last_goal: RunGoal | None = None
+        self._deciding_run: _DecidingRun | None = None
         self._last_text = ""
         self._hurries = False
-        self._open(self.origin, now, follows=0, drawn=waiting.drawn)
+        self._open(self.origin, now, follows=0, drawn=queued.drawn)
 
     @property
     def origin(self) -> Scene:
         """The scene that started it."""
-        return self.waiting.scene
+        return self.queued.scene
 
     @property
     def declined_by(self) -> frozenset[tuple[str, str]]:
-        """Hosts that answered in its last round, each with its instance."""
+        """Hosts asked in its last round that are not ``silent``, each with its instance."""
         return frozenset(one for one in self._asked if one[0] not in self.silent)
 
     @property
@@ -117,12 +126,12 @@ class Interaction:
     @property
     def last_run(self) -> StoredRun | None:
         """The run that decides how its scene ends; None while none has begun."""
-        award = self._award
+        award, run = self._award, self._deciding_run
         if award is not None and award.accepted and self.state is not State.COLLECTING:
             return self._stored_run(award.goal)
-        if self._last_run is None or self._last_goal is None:
+        if run is None:
             return None
-        return self._stored_run(self._last_goal, code=self._last_run[0], message=self._last_text)
+        return self._stored_run(run.goal, code=run.code, message=self._last_text)
 
     def _stored_run(self, goal: RunGoal, *, code: str = "", message: str = "") -> StoredRun:
         return StoredRun(
@@ -162,7 +171,7 @@ class Interaction:
 
     def accepted(self, goal: RunGoal, now: float) -> bool:
         """Handle the acceptance of a goal; return False when it is no longer awaited."""
-        award = self._waiting(goal)
+        award = self._award_of(goal)
         if award is not None and not award.accepted:
             award.accepted = True
             assert self._decision is not None, "an award follows a decision"
@@ -178,13 +187,13 @@ class Interaction:
 
     def refused(self, goal: RunGoal, reason: str, now: float) -> None:
         """Handle a goal that the host refused, or that could not be sent."""
-        award = self._waiting(goal)
+        award = self._award_of(goal)
         if award is not None and not award.accepted:
             self._not_taken(award, reason, now)
 
     def ended(self, goal: RunGoal, end: RunEnd, now: float) -> bool:
         """Handle the end of a run; return False when it is not the run of the award."""
-        award = self._waiting(goal)
+        award = self._award_of(goal)
         if award is None or not award.accepted:
             return False
         if end.outcome in _REPORTED:
@@ -383,10 +392,9 @@ class Interaction:
         goal = award.goal
         self._market_state.effects.append(award.end(outcome, end, now))
         self._last_text = f"{goal.agent} {outcome.name.lower()}: {end.message}"
-        if award.started is not None or self._last_run is None:
-            ran = "" if award.started is None else goal.agent
-            self._last_run = (award.end_code(outcome), ran)
-            self._last_goal = goal
+        if award.started is not None or self._deciding_run is None:
+            agent = "" if award.started is None else goal.agent
+            self._deciding_run = _DecidingRun(goal=goal, code=award.end_code(outcome), agent=agent)
         self._plan_follow_up(award, outcome, end.message)
         if outcome is RunOutcome.LOST or award.started is None:
             self._proceed()
@@ -431,8 +439,8 @@ class Interaction:
     def _finish(self, code: str, message: str) -> None:
         """End the scene; if a tree has run for it, with the outcome of the last run."""
         agent = ""
-        if self._last_run is not None:
-            code, agent = self._last_run
+        if self._deciding_run is not None:
+            code, agent = self._deciding_run.code, self._deciding_run.agent
         self.over = SceneEnded(
             scene_id=self.origin.scene_id,
             code=code,
@@ -441,7 +449,7 @@ class Interaction:
             agent=agent,
         )
 
-    def _waiting(self, goal: RunGoal) -> Award | None:
+    def _award_of(self, goal: RunGoal) -> Award | None:
         award = self._award
         over = award is None or award.goal != goal or self.state is State.COLLECTING
         return None if over else award

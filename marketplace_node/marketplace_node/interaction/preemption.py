@@ -20,17 +20,17 @@ class PreemptionRound:
     """Round for a queued scene during a run; the scene keeps its place in the queue."""
 
     def __init__(
-        self, market_state: MarketState, waiting: QueuedScene, running: str, now: float
+        self, market_state: MarketState, queued: QueuedScene, running: str, now: float
     ) -> None:
-        self.waiting = waiting
+        self.queued = queued
         # Any bid for an urgent scene stops the run, so no external ranking is needed.
         self.open_round = OpenRound(
-            market_state, waiting.scene, now, asks_external=not waiting.scene.urgent
+            market_state, queued.scene, now, asks_external=not queued.scene.urgent
         )
         self._market_state = market_state
         self._running = running
-        waiting.asked = True
-        waiting.round = self.open_round.number
+        queued.asked = True
+        queued.round = self.open_round.number
 
     def decide(
         self, by: ClosedBy, now: float, *, cooldown_left_s: float, no_room: str
@@ -51,8 +51,8 @@ class PreemptionRound:
             obstacle = f"the next stop may come in {cooldown_left_s:.1f} s at the earliest"
         stops = worth and not obstacle
         if stops:
-            self.waiting.drawn = self.open_round.number
-            self.waiting.excluded = self._no_more(decision)
+            self.queued.drawn = self.open_round.number
+            self.queued.excluded = self._no_more(decision)
         decision = replace(
             decision, outcome=AuctionOutcome.PREEMPTS if stops else AuctionOutcome.WAITS
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
@@ -56,7 +56,7 @@ class SceneAdmission:
         return len(self._queue)
 
     @property
-    def waiting(self) -> tuple[str, ...]:
+    def labels(self) -> tuple[str, ...]:
         """Labels of the queued scenes, or their ids if they have no label, next first."""
         return tuple(one.scene.label or one.scene.scene_id for one in self._queue)
 
@@ -118,7 +118,7 @@ class SceneAdmission:
     @property
     def scenes(self) -> list[Scene]:
         """The queued scenes, next first."""
-        return [waiting.scene for waiting in self._queue]
+        return [queued.scene for queued in self._queue]
 
     def refuse(self, scene_id: str, code: str, message: str, round_number: int = 0) -> None:
         """End a scene that no tree has run for."""
@@ -128,30 +128,28 @@ class SceneAdmission:
 
     def next(self, now: float) -> QueuedScene | None:
         """Dequeue the next scene; None when the queue is empty or all scenes wait for hosts."""
-        if not self._queue:
-            return None
-        awaited = self._awaited(now)
-        place = next((i for i, one in enumerate(self._queue) if awaited(one) is None), None)
+        hosts = enumerate(self._awaited(now))
+        place = next((place for place, awaited in hosts if awaited is None), None)
         return None if place is None else self._queue.pop(place)
 
     def put_back(self, interaction: Interaction, now: float) -> bool:
         """Requeue a scene that no host has run; return False when no host is expected for it."""
-        waiting = interaction.waiting
-        waiting.rounds_in_vain += 1
-        if waiting.in_vain_since is None:
-            waiting.in_vain_since = now
-        tried_s = now - waiting.in_vain_since
+        queued = interaction.queued
+        queued.rounds_in_vain += 1
+        if queued.in_vain_since is None:
+            queued.in_vain_since = now
+        tried_s = now - queued.in_vain_since
         enough = tried_s >= self._market_state.settings.host_wait_s
-        if self.closed_reason or (enough and waiting.rounds_in_vain >= ROUNDS_IN_VAIN):
+        if self.closed_reason or (enough and queued.rounds_in_vain >= ROUNDS_IN_VAIN):
             return False
         for host in interaction.silent:
             self._market_state.hosts.unheard(host)
         expected = self._market_state.hosts.expected(now)
-        waiting.declined_by |= {one for one in interaction.declined_by if one[0] not in expected}
-        if not self._expected_for(waiting, expected):
+        queued.declined_by |= {one for one in interaction.declined_by if one[0] not in expected}
+        if not self._expected_for(queued, expected):
             return False
-        waiting.asked = False
-        self._queue.insert(0, waiting)
+        queued.asked = False
+        self._queue.insert(0, queued)
         return True
 
     def awaited_hosts(self, now: float) -> dict[str, str] | None:
@@ -159,8 +157,7 @@ class SceneAdmission:
 
         The mapping is empty when they wait for hosts that have yet to register.
         """
-        awaited = self._awaited(now)
-        found = [hosts for hosts in map(awaited, self._queue) if hosts is not None]
+        found = [hosts for hosts in self._awaited(now) if hosts is not None]
         return {host: why for hosts in found for host, why in hosts.items()} if found else None
 
     def start(self, now: float) -> None:
@@ -174,36 +171,36 @@ class SceneAdmission:
         if self._started is not None:
             self._started += lasted_s
 
-    def _awaited(self, now: float) -> Callable[[QueuedScene], dict[str, str] | None]:
-        """Return a function for the hosts that a scene waits for; None if it need not wait."""
+    def _awaited(self, now: float) -> Iterator[dict[str, str] | None]:
+        """Yield the hosts that each queued scene waits for; None where it need not wait."""
+        if not self._queue:
+            return
         state = self._market_state
-        expected = state.hosts.expected(now) if self._queue else {}
+        expected = state.hosts.expected(now)
         none_known = not state.hosts.registry.entries()
         started = now if self._started is None else self._started
         held = now < self._held_until and not state.hosts.earlier_hosts_back(now)
         first_expected = none_known and now - started < state.settings.host_wait_s
 
-        def awaited(waiting: QueuedScene) -> dict[str, str] | None:
+        for queued in self._queue:
+            hosts = self._expected_for(queued, expected)
+            scene_id, but = queued.scene.scene_id, queued.declined_by
             if first_expected or held:
-                return {}
-            hosts = self._expected_for(waiting, expected)
-            if not hosts or state.can_ask(
-                waiting.scene.scene_id, waiting.excluded, waiting.declined_by, now
-            ):
-                return None
-            return hosts
+                yield {}
+            elif not hosts or state.can_ask(scene_id, queued.excluded, but, now):
+                yield None
+            else:
+                yield hosts
 
-        return awaited
-
-    def _expected_for(self, waiting: QueuedScene, expected: dict[str, str]) -> dict[str, str]:
+    def _expected_for(self, queued: QueuedScene, expected: dict[str, str]) -> dict[str, str]:
         """Return the expected hosts that could run a scene and have not declined it."""
         found = {}
         for host, reason in expected.items():
             entry = self._market_state.hosts.registry.get(host)
             assert entry is not None, "only a registered host is expected"
-            declined = (host, entry.instance) in waiting.declined_by
-            scene_id = waiting.scene.scene_id
-            if not declined and self._market_state.may_run(entry, scene_id, waiting.excluded):
+            declined = (host, entry.instance) in queued.declined_by
+            scene_id = queued.scene.scene_id
+            if not declined and self._market_state.may_run(entry, scene_id, queued.excluded):
                 found[host] = reason
         return found
 
@@ -231,11 +228,11 @@ class SceneAdmission:
             self._give_up_preemption(f"on_new_scene is '{mode}' now", now)
         while interaction is not None and _running(interaction):
             if self._challenge is None:
-                waiting = next((one for one in self._queue if not one.asked), None)
-                if not self._preempts or waiting is None or interaction.goal is None:
+                queued = next((one for one in self._queue if not one.asked), None)
+                if not self._preempts or queued is None or interaction.goal is None:
                     return
                 self._challenge = PreemptionRound(
-                    self._market_state, waiting, interaction.goal.agent, now
+                    self._market_state, queued, interaction.goal.agent, now
                 )
             if not self._decide(self._challenge, interaction, now):
                 return
@@ -271,13 +268,13 @@ class SceneAdmission:
             )
 
     def _refuse_all(self, code: str, message: str) -> None:
-        queued, self._queue = self._queue, []
-        for waiting in queued:
-            self.refuse(waiting.scene.scene_id, code, message)
+        refused, self._queue = self._queue, []
+        for queued in refused:
+            self.refuse(queued.scene.scene_id, code, message)
 
     def _finds_room(self, scene: Scene) -> bool:
         """Whether a scene may wait for its challenge in a full queue, because it is urgent."""
-        others = (waiting for waiting in self._queue if not waiting.asked)
+        others = (queued for queued in self._queue if not queued.asked)
         return self._preempts and scene.urgent and not any(w.scene.urgent for w in others)
 
     def _decide(self, challenge: PreemptionRound, interaction: Interaction, now: float) -> bool:
@@ -285,20 +282,20 @@ class SceneAdmission:
         if by is None:
             return False
         self._challenge = None
-        waiting, no_room = challenge.waiting, self._full()
+        queued, no_room = challenge.queued, self._full()
         stops, reason = challenge.decide(
             by, now, cooldown_left_s=self._cooldown_left(now), no_room=no_room
         )
         if stops:
             self._preempted_at = now
-            self._queue.remove(waiting)
-            self._queue.insert(0, waiting)
-            preempted = f"preempted by scene '{waiting.scene.scene_id}': {reason}"
+            self._queue.remove(queued)
+            self._queue.insert(0, queued)
+            preempted = f"preempted by scene '{queued.scene.scene_id}': {reason}"
             stop = StopRequest(reason=preempted, by=StoppedBy.OTHER_SCENE, code=PREEMPTED)
             interaction.stop(stop, now)
         elif no_room:
-            self._queue.remove(waiting)
-            self.refuse(waiting.scene.scene_id, RefusalCode.QUEUE_FULL, reason, waiting.round)
+            self._queue.remove(queued)
+            self.refuse(queued.scene.scene_id, RefusalCode.QUEUE_FULL, reason, queued.round)
         return True
 
     def _full(self) -> str:
@@ -314,7 +311,7 @@ class SceneAdmission:
     def _give_up_preemption(self, reason: str, now: float) -> None:
         if self._challenge is not None:
             self._challenge.give_up(reason, now)
-            self._challenge.waiting.asked = False
+            self._challenge.queued.asked = False
             self._challenge = None
 
 

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Strategies that rank bids: named pure functions of the bids of one round."""
 
-from marketplace_node.strategies.catalogue import STRATEGIES
-from marketplace_node.strategies.distances import (
+from marketplace_node.strategies.catalogue import (
+    STRATEGIES,
+    bounded_ucb,
     differences,
+    epsilon_greedy,
     euclidean,
     expected_manhattan,
     manhattan,
-    weighted_manhattan,
-)
-from marketplace_node.strategies.exploration import (
-    bounded_ucb,
-    epsilon_greedy,
     softmax,
     thompson,
     ucb,
+    weighted_manhattan,
 )
 from marketplace_node.strategies.plugins import add_installed
 from marketplace_node.strategies.strategy import (

@@ -118,8 +118,8 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         self._spec = spec
         self._ids = configuration.ids
         self._sources = Sources(spec)
-        known = self._memory = Memory(spec.space)
-        self._estimate = SceneEstimator(spec, self._sources, known)
+        self._memory = Memory(spec.space)
+        self._estimator = SceneEstimator(spec, self._sources, self._memory)
         self._runs = RunTracker()
         self._delivery = SceneDelivery()
         # Market and number of subscribers of scenes when the market was found to be one of them.
@@ -128,14 +128,20 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         self._answers: dict[str, Any] = {}
         self._live_at = 0.0
         self._persons_at = 0.0
-        self._shown: object = None
+        self._published_persons: object = None
         self._store = MemoryStore(
-            self, known, spec.space, configuration.memory, lambda: self._estimate.encounters.known
+            self,
+            self._memory,
+            spec.space,
+            configuration.memory,
+            lambda: self._estimator.encounters.known,
         )
         closing.callback(self._store.close)
-        self._scene = self.create_publisher(SceneMsg, "bt_agents/scene", qos.FACT)
-        self._live = self.create_publisher(SceneMsg, "bt_agents/scene/live", qos.SENSOR)
-        self._persons = self.create_publisher(Persons, "bt_agents/scene/persons", qos.FACT)
+        self._scene_publisher = self.create_publisher(SceneMsg, "bt_agents/scene", qos.FACT)
+        self._live_publisher = self.create_publisher(SceneMsg, "bt_agents/scene/live", qos.SENSOR)
+        self._persons_publisher = self.create_publisher(
+            Persons, "bt_agents/scene/persons", qos.FACT
+        )
         self._make_timers()
         self.create_subscription(Run, "bt_agents/runs", self._on_run, qos.HISTORY)
         self.create_subscription(MarketStatus, "bt_agents/market", self._on_market, qos.FACT)
@@ -153,7 +159,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         self._player: ScriptPlayer | None = None
         self._source_subscriptions: SourceSubscriptions | None = None
         if script is None:
-            persons = self._estimate.encounters.persons
+            persons = self._estimator.encounters.persons
             self._source_subscriptions = SourceSubscriptions(
                 self, spec, self._sources, persons, self._on_change
             )
@@ -189,7 +195,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         self._live_timer = timer(self._period_s, self._publish_live)
         self._soon_timer = timer(SHORTEST_S, self._publish_live)
         self._delivery_timer = timer(_DELIVER_S, self._deliver)
-        if self._estimate.encounters.enabled:
+        if self._estimator.encounters.enabled:
             steady_timer(self, UPDATE_S, self._poll)
 
     def _set_rate(self, hertz: float) -> None:
@@ -202,7 +208,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         """Update the present persons; publish them if they have changed."""
         running = self._runs.run
         scene_id = running.scene_id if running is not None else None
-        moved = self._estimate.update(time.monotonic(), time.time(), scene_id)
+        moved = self._estimator.update(time.monotonic(), time.time(), scene_id)
         if self._source_subscriptions is not None:
             self._source_subscriptions.subscribe_to_tracked()
         if moved and running is not None:
@@ -214,9 +220,9 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         if self._spec.persons is None or now - self._persons_at < self._period_s:
             return
         stamp = self._stamp()
-        persons = self._estimate.encounters.persons
+        persons = self._estimator.encounters.persons
         scenes = [
-            self._estimate.scene_of(person, now=now, wall=wall, stamp=stamp)
+            self._estimator.scene_of(person, now=now, wall=wall, stamp=stamp)
             for person in persons.tracked
         ]
         shown = (
@@ -227,11 +233,11 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
                 for s in scenes
             ],
         )
-        if shown == self._shown:
+        if shown == self._published_persons:
             return
-        self._shown = shown
+        self._published_persons = shown
         self._persons_at = now
-        self._persons.publish(
+        self._persons_publisher.publish(
             Persons(
                 header=header_at(to_time(stamp)),
                 rule=self._spec.persons.addressee.rule.value,
@@ -268,7 +274,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
             person = _PERSON[request.person]
             name = _check_name(request)
             gives = bool(values) or person is not None
-            if gives and not request.announce and not self._present_id():
+            if gives and not request.announce and not self._current_id():
                 raise Refused(
                     RefusalCode.NOT_RUNNING,
                     "no agent is running and no scene is waiting, so there is nothing to change; "
@@ -302,7 +308,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
     def _on_remember(self, request: Any, response: Any) -> Any:
         try:
             given = values_of(request.facts)
-            self._memory.remember(request.person_id, given, known=self._estimate.encounters.known)
+            self._memory.remember(request.person_id, given, known=self._estimator.encounters.known)
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
@@ -319,14 +325,14 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         return response
 
     def _begin_visit(self, name: str) -> None:
-        self._estimate.encounters.begin_visit(name, time.monotonic(), time.time())
+        self._estimator.encounters.begin_visit(name, time.monotonic(), time.time())
 
     def _begin_visit_by_hand(self, name: str) -> None:
         """Begin the visit of a named person, or of an unnamed one.
 
         Skipped for tracked persons, and with a script for unnamed ones: it begins its own visits.
         """
-        tracked = name in self._estimate.encounters.persons.tracked
+        tracked = name in self._estimator.encounters.persons.tracked
         if not tracked and (name or self._player is None):
             self._begin_visit(name)
 
@@ -346,11 +352,11 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         person_id: str | None = None,
     ) -> tuple[Scene, bool]:
         """Publish a scene; return it, and whether it is kept for an absent market."""
-        if self._estimate.encounters.enabled:
+        if self._estimator.encounters.enabled:
             self._poll()
         now = time.monotonic()
         self._announced_id = self._ids()
-        self._estimate.begin(
+        self._estimator.begin(
             self._announced_id,
             label,
             values,
@@ -360,9 +366,9 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
             told=told,
             person_id=person_id,
         )
-        scene = self._put_together(self._announced_id, now)
+        scene = self._scene_now(self._announced_id, now)
         kept = self._delivery.announce(scene, now, listens=self._market_listens())
-        self._scene.publish(scene_to_msg(scene))
+        self._scene_publisher.publish(scene_to_msg(scene))
         if self._delivery_timer.is_canceled():
             self._delivery_timer.reset()
         return scene, kept
@@ -380,7 +386,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         elif self._delivery.market_there(now):
             for scene in self._delivery.due(now, listens=self._market_listens()):
                 self.get_logger().info(f"scene {scene.scene_id} is sent to the marketplace again")
-                self._scene.publish(scene_to_msg(scene))
+                self._scene_publisher.publish(scene_to_msg(scene))
 
     def _on_heartbeat(self, message: Any) -> None:
         self._delivery.heartbeat(message.epoch, time.monotonic())
@@ -393,19 +399,19 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
     ) -> Scene:
         """Give values to the current interaction; without one they have no effect."""
         now = time.monotonic()
-        scene_id = self._present_id()
+        scene_id = self._current_id()
         if scene_id:
-            self._estimate.give(scene_id, values, person, now, told=told)
+            self._estimator.give(scene_id, values, person, now, told=told)
             self._on_change()
-        return self._put_together(scene_id, now)
+        return self._scene_now(scene_id, now)
 
-    def _present_id(self) -> str:
+    def _current_id(self) -> str:
         """Return the id of the running scene, else of the last announced one; empty if over."""
         running = self._runs.run
         return running.scene_id if running is not None else self._announced_id
 
-    def _put_together(self, scene_id: str, now: float) -> Scene:
-        return self._estimate.scene(scene_id, now=now, wall=time.time(), stamp=self._stamp())
+    def _scene_now(self, scene_id: str, now: float) -> Scene:
+        return self._estimator.scene(scene_id, now=now, wall=time.time(), stamp=self._stamp())
 
     def _stamp(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
@@ -428,7 +434,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         started = LiveRun(epoch=message.epoch, round=message.round, scene_id=scene.scene_id)
         if not self._runs.started(started):
             return
-        self._estimate.adopt(scene, time.monotonic())
+        self._estimator.adopt(scene, time.monotonic())
         self._live_timer.reset()
         if self._player is not None:
             self._player.started(scene.scene_id)
@@ -446,8 +452,8 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         if self._runs.run is None:
             return
         self._live_at = time.monotonic()
-        scene = self._put_together(self._runs.run.scene_id, self._live_at)
-        self._live.publish(scene_to_msg(scene))
+        scene = self._scene_now(self._runs.run.scene_id, self._live_at)
+        self._live_publisher.publish(scene_to_msg(scene))
 
     def _stop_when_over(self) -> None:
         if self._runs.run is None:
@@ -470,7 +476,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
 
         The graph is searched again only for another market, or when subscribers come or go.
         """
-        count = self._scene.get_subscription_count()
+        count = self._scene_publisher.get_subscription_count()
         if self._matched != (self._delivery.epoch, count):
             markets = {_who(e) for e in self.get_publishers_info_by_topic("bt_agents/market")}
             readers = self.get_subscriptions_info_by_topic("bt_agents/scene")

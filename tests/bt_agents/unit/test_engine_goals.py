@@ -115,7 +115,7 @@ def pauses(subject: Followed, servers: frozenset[str], seconds: float) -> list[f
     found = []
     last = now = 0.0
     while now < seconds:
-        if subject.track.is_repeated(servers):
+        if subject.track.take_repeat(servers):
             found.append(now - last)
             last = now
         subject.clock.advance(GRAPH_S)
@@ -132,15 +132,15 @@ def test_joined_server_is_asked_after_ever_longer_pauses(accepted: bool) -> None
     assert not subject.track.take_look(), "it looks at the graph only now and then"
     subject.clock.advance(GRAPH_S)
     assert subject.track.take_look()
-    assert not subject.track.is_repeated(frozenset({"a"}))
+    assert not subject.track.take_repeat(frozenset({"a"}))
 
     found = pauses(subject, frozenset({"a", "b"}), 60.0)
 
     assert found[:3] == [0.0, GRAPH_S, 2 * GRAPH_S]
     assert found == sorted(found)
     assert 8 < len(found) < 15
-    assert not subject.track.is_repeated(frozenset({"b"})), "the lease of the first has ended"
-    assert subject.track.is_repeated(frozenset({"b", "c"}))
+    assert not subject.track.take_repeat(frozenset({"b"})), "the lease of the first has ended"
+    assert subject.track.take_repeat(frozenset({"b", "c"}))
 
 
 def test_several_servers_are_asked_again_from_the_start() -> None:

@@ -31,7 +31,7 @@ def test_stall_holds_off_until_messages_are_read(
     held_up = StallDetector(0.0, limit_s=0.55, settle_s=0.3)
     found = 0.0
     for now in looks:
-        found = held_up.hold_off_s(now)
+        found = held_up.poll(now)
     assert found == pytest.approx(wait_s)
     assert held_up.last_stall_s == pytest.approx(lasted_s)
     assert held_up.confirmed == (lasted_s == 0.0)
@@ -49,7 +49,7 @@ def after_a_hold_up(*heard_before: RunKey) -> AwardMonitor:
     word = AwardMonitor(0.0)
     for award in heard_before:
         assert not word.on_heartbeat(award, MINE, 0.0)
-    word.stall.hold_off_s(2.0)
+    word.stall.poll(2.0)
     return word
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector
-from feedback_node.learning import learning_step, updates
+from feedback_node.learning import learning_step
 
 RANGES = ((1.0, 5.0), (-1.0, 1.0), (0.0, 1e6))
 SPACE = SceneSpace(
@@ -113,7 +113,7 @@ def test_direct_feedback_never_overshoots_or_moves_away(profile, target, rate, r
 @given(profiles, targets, rates, rules.filter(lambda rule: rule.update != Update.MEDIAN), weights)
 def test_negative_feedback_never_moves_closer(profile, target, rate, rule, weight):
     after = step(FeedbackKind.NEGATIVE, profile, target, rate, rule=rule, weight=weight)
-    same = [(high - low) * updates.SAME_SHARE for low, high in RANGES]
+    same = [(high - low) * learning_step.SAME_SHARE for low, high in RANGES]
     for p, f, moved, on_it in zip(profile, target, after, same, strict=True):
         # Within that distance, the profile equals the scene, and retreats to either side.
         closest = 0.0 if rule.retreat and abs(p - f) <= on_it else abs(p - f)

@@ -11,7 +11,7 @@ import pytest
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector
-from feedback_node.learning.learning_step import false_rate, requested, step
+from feedback_node.learning.learning_step import false_rate, parameter_rules, requested, step
 
 NAN = math.nan
 MIDDLE: Vector = (3.0, 3.0, 3.0)
@@ -253,7 +253,7 @@ def test_median_covers_window_of_feedback_including_newest():
     ],
 )
 def test_negative_feedback_targets_mirror_image_or_retreat(kind, scene, rule, target):
-    asked = requested(kind, MIDDLE, scene, space=SPACE, rule=rule)
+    asked = requested(parameter_rules(rule, SPACE), kind, MIDDLE, scene)
     assert asked == pytest.approx(target, nan_ok=True)
 
 

@@ -227,9 +227,9 @@ def test_person_with_invalid_layer_name_is_rejected(name):
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """The requests for earlier feedback of a profile."""
-    asked, taught = [], profiles_module.taught
+    asked, found = [], profiles_module.past_targets
     monkeypatch.setattr(
-        profiles_module, "taught", lambda *args: asked.append(args) or taught(*args)
+        profiles_module, "past_targets", lambda *args: asked.append(args) or found(*args)
     )
     return asked
 

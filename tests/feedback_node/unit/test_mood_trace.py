@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import Scene
 from feedback_node.mood_trace import MOST_CHANGES, MOST_LEAVES, MOST_VALUES, MoodTrace, RunValues
 from scene_spaces import AGE_AND_MOOD as SPACE
@@ -117,16 +118,16 @@ def test_mood_trace_is_bounded():
 
 
 def test_trace_keeps_last_values_of_latest_run() -> None:
-    values = RunValues()
-    values.change("first", "tree/0.ask", "answer", "'no'")
-    values.change("second", "tree/0.ask", "answer", "'yes'")
-    values.change("second", "tree/0.ask", "answer", "'no'")
-    assert values.of("first") == {}
-    assert values.of("second") == {("tree/0.ask", "answer"): "'no'"}
+    values, first, second = RunValues(), RunKey(epoch="m", round=1), RunKey(epoch="m", round=2)
+    values.change(first, "tree/0.ask", "answer", "'no'")
+    values.change(second, "tree/0.ask", "answer", "'yes'")
+    values.change(second, "tree/0.ask", "answer", "'no'")
+    assert values.of(first) == {}
+    assert values.of(second) == {("tree/0.ask", "answer"): "'no'"}
 
 
 def test_values_are_kept_up_to_a_bound() -> None:
-    values = RunValues()
+    values, run = RunValues(), RunKey(epoch="m", round=1)
     for number in range(2 * MOST_VALUES):
-        values.change("run", "tree", f"n{number}", "1")
-    assert len(values.of("run")) == MOST_VALUES
+        values.change(run, "tree", f"n{number}", "1")
+    assert len(values.of(run)) == MOST_VALUES

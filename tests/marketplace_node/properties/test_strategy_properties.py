@@ -20,9 +20,8 @@ from market_harness import SPACE, scene
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import calculation
 from marketplace_node.round import ranking
-from marketplace_node.round.counterfactual import FINEST
 from marketplace_node.round.decision import AcceptedBid, Decision, Terms
-from marketplace_node.round.ranking import decide
+from marketplace_node.round.ranking import FINEST, decide
 from marketplace_node.strategies import STRATEGIES, RoundBids
 from ranked_rounds import bids, decided, terms
 

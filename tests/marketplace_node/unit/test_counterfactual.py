@@ -14,10 +14,9 @@ from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.yaml.source import Source
 from market_harness import SPACE, MarketHarness, scene
 from marketplace_node.effects import PublishAuction, SendGoal
-from marketplace_node.round import counterfactual
+from marketplace_node.round import ranking
 from marketplace_node.round.decision import Counterfactual, External, Ranked
-from marketplace_node.round.ranking import decide
-from marketplace_node.round.round_model import RoundModel
+from marketplace_node.round.ranking import RoundModel, decide
 from marketplace_node.strategies import Score
 from ranked_rounds import bids, decided, terms
 from ranking import case
@@ -100,12 +99,12 @@ def test_the_search_compares_so_much_and_no_more(
         compared.append(len(tries) * len(model.given.bids) * len(model.given.scene))
         return found_winners(model, scores, tries)
 
-    found_winners = counterfactual._winners
-    monkeypatch.setattr(counterfactual, "_winners", counted)
+    found_winners = ranking._winners
+    monkeypatch.setattr(ranking, "_winners", counted)
     found = ranked.change
     assert found is not None
 
-    assert sum(compared) <= counterfactual.MOST_NUMBERS + width * agents * width
+    assert sum(compared) <= ranking.MOST_NUMBERS + width * agents * width
     assert not (found.names and found.obstacle)
     assert bool(compared) == (found.obstacle != "there are too many bids to search for it")
     assert bool(compared) == (agents == 1000)

@@ -17,10 +17,10 @@ import yaml
 from bt_agents_core.errors import Refused
 from field_values import field, scored
 from marketplace_node import strategies
-from marketplace_node.round import round_model
+from marketplace_node.round import ranking
 from marketplace_node.settings import Settings
 from marketplace_node.strategies import STRATEGIES, Bid, order, round_rng
-from marketplace_node.strategies.distances import folded_mean
+from marketplace_node.strategies.catalogue import folded_mean
 from marketplace_node.strategies.strategy import FloatArray
 
 NAN = math.nan
@@ -54,7 +54,7 @@ def test_folded_mean_matches_its_integral(gap: float, std: float) -> None:
 def test_undeclared_draw_fails_strategy() -> None:
     secretive = replace(STRATEGIES["softmax"], draws=False)
     with pytest.raises(Refused, match=r"'random\.random' needs draws=True"):
-        round_model.scored(secretive, field((3.0,), [(4.0,)]), {}, "seed")
+        ranking.strategy_scores(secretive, field((3.0,), [(4.0,)]), {}, "seed")
 
 
 def winners(

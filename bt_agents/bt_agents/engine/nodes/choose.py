@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from py_trees.behaviour import Behaviour
 
-from bt_agents.engine.composite import ChooseOne
+from bt_agents.engine.bases import ChooseOne
 from bt_agents.engine.nodes.case import Case
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode

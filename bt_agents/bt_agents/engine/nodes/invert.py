@@ -7,7 +7,7 @@ from functools import cached_property
 
 from py_trees.common import Status
 
-from bt_agents.engine.decorator import Decorator
+from bt_agents.engine.bases import Decorator
 from bt_agents.engine.light_behaviour import FAILURE, RUNNING, SUCCESS
 from bt_agents.engine.node_errors import with_location
 from bt_agents.engine.ticker import Ticker

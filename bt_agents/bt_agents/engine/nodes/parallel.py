@@ -7,7 +7,7 @@ from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
-from bt_agents.engine.composite import Composite
+from bt_agents.engine.bases import Composite
 from bt_agents.engine.context import BuildChild, RunContext
 from bt_agents.engine.light_behaviour import FAILURE, INVALID, RUNNING, SUCCESS
 from bt_agents.engine.scope import Scope

@@ -13,10 +13,10 @@ from py_trees.behaviour import Behaviour
 from py_trees.blackboard import Blackboard
 from py_trees.common import Status
 
+from bt_agents.engine.bases import Leaf
 from bt_agents.engine.call_limit import bounded
 from bt_agents.engine.context import NodeMaker, RunContext
 from bt_agents.engine.environment import PluginNode
-from bt_agents.engine.leaf import Leaf
 from bt_agents.engine.node_errors import reason_of, with_location
 from bt_agents.engine.scope import Scope
 from bt_agents_core.errors import LONGEST_REASON, Refused

@@ -7,7 +7,7 @@ from random import Random
 
 from py_trees.behaviour import Behaviour
 
-from bt_agents.engine.composite import ChooseOne
+from bt_agents.engine.bases import ChooseOne
 from bt_agents.engine.context import BuildChild, RunContext
 from bt_agents.engine.nodes.weight import Weight
 from bt_agents.engine.scope import Scope

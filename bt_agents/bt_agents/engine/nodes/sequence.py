@@ -8,7 +8,7 @@ from itertools import islice
 from py_trees import composites
 from py_trees.common import Status
 
-from bt_agents.engine.composite import InOrder
+from bt_agents.engine.bases import InOrder
 from bt_agents.engine.light_behaviour import INVALID, RUNNING, SUCCESS
 from bt_agents.engine.ticker import Ticker
 

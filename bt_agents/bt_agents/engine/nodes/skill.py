@@ -9,8 +9,8 @@ from functools import cached_property
 
 from py_trees.common import Status
 
+from bt_agents.engine.bases import GoalLeaf
 from bt_agents.engine.environment import GoalState, SkillGoal
-from bt_agents.engine.leaf import GoalLeaf
 from bt_agents.engine.scope import (
     BindingNames,
     MessageNames,

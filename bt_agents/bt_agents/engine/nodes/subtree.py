@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from py_trees.common import Status
 
+from bt_agents.engine.bases import Decorator
 from bt_agents.engine.context import BuildChild, RunContext
-from bt_agents.engine.decorator import Decorator
 from bt_agents.engine.light_behaviour import RUNNING
 from bt_agents.engine.scope import Scope, SubtreeScope
 from bt_agents_language.expression.expressions import Expression

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from py_trees.common import Status
 
-from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.bases import Leaf
 from bt_agents.engine.light_behaviour import RUNNING, SUCCESS
 from bt_agents_language.model.specs import Literal
 

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 
 from py_trees.common import Status
 
+from bt_agents.engine.bases import Leaf
 from bt_agents.engine.context import BuildChild, RunContext
 from bt_agents.engine.environment import Clock, Inbox
-from bt_agents.engine.leaf import Leaf
 from bt_agents.engine.light_behaviour import RUNNING, SUCCESS
 from bt_agents.engine.scope import MessageNames, Scope, explain_false, field_of
 from bt_agents_core.field_types import Plain

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents.engine.decorator import Decorator
+from bt_agents.engine.bases import Decorator
 
 
 class Weight(Decorator):

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from py_trees.common import Status
 
-from bt_agents.engine.decorator import Decorator
+from bt_agents.engine.bases import Decorator
 from bt_agents.engine.light_behaviour import RUNNING
 
 

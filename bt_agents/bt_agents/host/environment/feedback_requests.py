@@ -14,7 +14,7 @@ from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import SceneSpace
-from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.outbox import Outbox
@@ -37,29 +37,28 @@ class FeedbackRequests:
         node: Node,
         wake: Callable[[], None],
         *,
+        run_goal: Callable[[], RunAgent.Goal | None],
         space: SceneSpace,
-        agent: Callable[[], str],
-        scene: Callable[[], SceneMsg],
     ) -> None:
         self._node = node
         self._wake = wake
+        self._run_goal = run_goal
         self._space = space
-        self._agent = agent
-        self._scene = scene
         client = node.create_client(GiveFeedback, GIVE_FEEDBACK, qos_profile=qos.SERVICE)
         self.outbox = Outbox(node, client)
 
     def give(self, kind: FeedbackKind, values: Mapping[str, float], reason: str) -> FeedbackRun:
         """Request a change of a profile; see :meth:`Environment.give_feedback`."""
-        direct = kind is FeedbackKind.DIRECT
+        direct, goal = kind is FeedbackKind.DIRECT, self._run_goal()
+        assert goal is not None, "only the tree of a run gives feedback"
         request = GiveFeedback.Request(
             feedback_id=f"tree/{uuid.uuid4()}",
-            agent=self._agent(),
+            agent=goal.agent,
             kind=int(kind),
             values=self._space.profiles.ordered(values) if direct else (),
             source="tree",
             reason=reason,
-            scene=self._scene(),
+            scene=goal.scene,
         )
         run = FeedbackRun()
         self.outbox.put(request, lambda answer: self._handle_answer(run, request, answer))

@@ -241,8 +241,8 @@ class GoalTrack:
             self._look_at = now + GRAPH_S
         return due
 
-    def is_repeated(self, servers: frozenset[str]) -> bool:
-        """Return whether to ask again, given all servers that the graph shows.
+    def take_repeat(self, servers: frozenset[str]) -> bool:
+        """Return whether to ask again now, given all servers that the graph shows.
 
         A server that has joined may be the next start of the one that was asked: the graph shows a
         killed server until its lease ends, and the heartbeat continues. Before acceptance the goal
@@ -351,8 +351,8 @@ class Servers:
     note: str = ""
 
 
-class SentGoal:
-    """Base class of the clients of one goal or request; sends it when its server appears.
+class TrackedGoal:
+    """A goal or request with its :class:`GoalTrack`; sends it when its server appears.
 
     Reading its state polls the server and the clock. It calls ``reschedule`` when its deadline may
     have changed, and ``wake`` when it has ended for its leaf or its end is confirmed.
@@ -487,8 +487,8 @@ class SentGoal:
         future.add_done_callback(handle)
 
 
-class RosGoalRun(SentGoal):
-    """A goal of an action; see :class:`SentGoal`.
+class RosGoalRun(TrackedGoal):
+    """A goal of an action; see :class:`TrackedGoal`.
 
     The list of open goals contains it from before it is sent until its end is confirmed. It may
     subscribe to feedback, and warns when its server refuses a cancel.
@@ -561,7 +561,7 @@ class RosGoalRun(SentGoal):
 
     def poll(self) -> None:
         super().poll()
-        if not (self._track.take_look() and self._track.is_repeated(self._servers())):
+        if not (self._track.take_look() and self._track.take_repeat(self._servers())):
             return
         if self._handle is None:
             self._expect(self._send(), self._answered)
@@ -620,7 +620,7 @@ class RosGoalRun(SentGoal):
             self._wake()
 
 
-class RosRequest(SentGoal):
+class RosRequest(TrackedGoal):
     """A request of a service."""
 
     def abandon(self) -> None:
@@ -648,11 +648,11 @@ class GoalDeadlines:
     """One steady timer for the earliest deadline of all open goals."""
 
     def __init__(self, node: Node) -> None:
-        self._open: list[SentGoal] = []
-        self._unconfirmed: deque[SentGoal] = deque()
+        self._open: list[TrackedGoal] = []
+        self._unconfirmed: deque[TrackedGoal] = deque()
         self._timer = steady_timer(node, 1.0, self._poll, running=False)
 
-    def add(self, goal: SentGoal) -> None:
+    def add(self, goal: TrackedGoal) -> None:
         """Track a goal from now on."""
         self._open.append(goal)
         self.reschedule()

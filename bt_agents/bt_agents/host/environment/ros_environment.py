@@ -35,10 +35,9 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_core.local_time import LocalTime, local_time
 from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.ros_names import other_types
-from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import SceneSpace
+from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import RunKey as RunKeyMsg
-from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_language.model.specs import Binding, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_ros import qos
@@ -125,11 +124,9 @@ class RosEnvironment:
     Args:
         node: The host's node; it has one client per name.
         wake: Called when something has arrived that a leaf may wait for.
+        run_goal: Returns the goal of the current run, None without one. Goals and requests of its
+            tree carry the run if their type has fields for it.
         open_goals: List of the sent goals until their end is confirmed.
-        agent: Returns the name of the agent whose tree is running.
-        scene: Returns the scene of its run as awarded.
-        run: Returns that run, None without one; goals and requests carry it if their type has
-            fields for it.
         slowness: Factor of the time limits for discovery, acceptance and silence of a server.
 
     Attributes:
@@ -142,11 +139,9 @@ class RosEnvironment:
         node: Node,
         wake: Callable[[], None],
         *,
+        run_goal: Callable[[], RunAgent.Goal | None],
         open_goals: OpenGoalList,
         space: SceneSpace,
-        agent: Callable[[], str],
-        scene: Callable[[], SceneMsg] = SceneMsg,
-        run: Callable[[], RunKey | None] = lambda: None,
         slowness: float = 1.0,
     ) -> None:
         self.clock = TreeClock(node)
@@ -154,11 +149,9 @@ class RosEnvironment:
         self.graph_problems = GraphProblems()
         self._node = node
         self._wake = wake
+        self._run_goal = run_goal
         self._open_goals = open_goals
         self._space = space
-        self._agent = agent
-        self._scene = scene
-        self._run = run
         self._slowness = slowness
         self._deadlines = GoalDeadlines(node)
         self._canceller = GoalCanceller(node)
@@ -336,9 +329,14 @@ class RosEnvironment:
 
     def _name_run(self, message: Any) -> None:
         """Fill in the run of a goal or a request, if its type has fields for it."""
-        run = self._run()
-        if run is not None and message.get_fields_and_field_types().get("run") == _RUN_TYPE:
-            message.run = RunKeyMsg(epoch=run.epoch, round=run.round, agent=run.agent)
+        goal = self._run_goal()
+        if goal is not None and message.get_fields_and_field_types().get("run") == _RUN_TYPE:
+            message.run = RunKeyMsg(epoch=goal.epoch, round=goal.round, agent=goal.agent)
+
+    def _agent(self) -> str:
+        """Return the name of the agent whose tree runs; empty for none."""
+        goal = self._run_goal()
+        return str(goal.agent) if goal is not None else ""
 
     def _prepare_binding(self, binding: Binding) -> None:
         if binding.kind is BindingKind.TOPIC:
@@ -456,7 +454,7 @@ class RosEnvironment:
     def _feedback_requests(self) -> FeedbackRequests:
         if self._feedback is None:
             self._feedback = FeedbackRequests(
-                self._node, self._wake, space=self._space, agent=self._agent, scene=self._scene
+                self._node, self._wake, run_goal=self._run_goal, space=self._space
             )
         return self._feedback
 

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from bt_agents.engine.run import TreeOutcome
 from bt_agents.engine.scope import format_value
-from bt_agents.host.agent_registry import unmet
+from bt_agents.host.agent_registry import decline_of
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.local_time import NOON
@@ -210,8 +210,7 @@ def _heading(
     if case is not None:
         heading.append(f" · {case.name}")
     heading.append(f"\n{', '.join(parts)}\n", style="not bold dim")
-    tunables = {one.name: one.default for one in spec.tunables} | {**scenario.tunables}
-    decline = unmet(spec, space, scene, spec.profile, tunables, lambda: scenario.clock)
+    decline = decline_of(spec.requires, scene, lambda: scenario.clock)
     if decline is not None:
         note = f"The market would not call it: it does not bid, it {decline.reason}.\n"
         heading.append(note, style="not bold yellow")
