@@ -128,6 +128,8 @@ def set_discovery(environment: MutableMapping[str, str]) -> None:
             f"ROS_NAMESPACE is {quote(namespace)}, expected words of letters, digits and '_' with "
             f"'/' between, as in /robot1, of {_LONGEST_NAMESPACE} characters at most"
         )
+    if namespace.endswith("/"):  # which no node may have
+        environment["ROS_NAMESPACE"] = namespace.rstrip("/")
     reach = environment.get(DISCOVERY_RANGE, RANGES[0])
     if reach == "OFF":
         raise BtAgentsError(

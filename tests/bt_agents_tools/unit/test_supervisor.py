@@ -421,6 +421,12 @@ def test_invalid_ros_environment_is_explained(name: str, value: str, words: str)
         set_discovery({name: value})
 
 
+def test_slash_after_namespace_does_not_count() -> None:
+    environment = {"ROS_NAMESPACE": "/robot1/"}
+    set_discovery(environment)
+    assert environment["ROS_NAMESPACE"] == "/robot1"
+
+
 def test_unwritable_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BtAgentsError, match="set XDG_STATE_HOME"):
