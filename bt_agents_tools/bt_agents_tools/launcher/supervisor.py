@@ -381,7 +381,9 @@ class Supervisor:
             one.inactive.discard(name)
             one.since = self._clock()
         else:
-            self._events.append(f"{name} was told to leave: it is {state}")
+            # Only an error leads there, such as a parameter that the node refuses as it activates.
+            cause = "has failed" if state == "unconfigured" else "was told to leave"
+            self._events.append(f"{name} {cause}: it is {state}")
             one.inactive.add(name)
             one.since = self._clock()
             one.last_heartbeat = None

@@ -191,6 +191,12 @@ def test_inactive_node_may_be_silent(watched: Watched) -> None:
     assert watched.wait(10.0) == [HANGS]
 
 
+def test_failed_node_was_not_told_to_leave(watched: Watched) -> None:
+    watched.run()
+    watched.on_state("agents", "unconfigured")
+    assert watched.poll() == ["agents has failed: it is unconfigured"]
+
+
 def test_heartbeat_of_any_node_counts_for_shared_process(watched: Watched) -> None:
     shared = replace(watched.write("system", UP_FOR_EVER), parts={"agents": "a", "robot": "b"})
     watched.start(shared)
