@@ -140,7 +140,11 @@ def run_together(
     """
     interrupt = Interrupt()
     die_with_parent()
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # an argument or a parameter file that ROS cannot read
+        print(f"error: ROS refuses the arguments after --ros-args: {error}", file=sys.stderr)
+        return 1
     nodes: list[Any] = []
     try:
         with bus() as connecting:

@@ -73,9 +73,9 @@ def load_type(name: str, kind: BindingKind | None = None) -> Any:
 def fill(message: Any, values: Mapping[str, Any]) -> None:
     """Set fields of a message from plain nested data; on an error, set nothing.
 
-    Fields that are not named stay. A float field also takes integers and NaN; a boolean is not a
-    number, and a number is not a text. ``builtin_interfaces`` Time and Duration may be written as
-    seconds.
+    Fields that are not named stay. A float field also takes integers and NaN, and an integer field
+    3.0; a boolean is not a number, and a number is not a text. ``builtin_interfaces`` Time and
+    Duration may be written as seconds.
 
     Raises:
         Refused: ``UNKNOWN_FIELD``, ``WRONG_TYPE``, ``WRONG_LENGTH``, ``OUT_OF_RANGE`` or
@@ -374,6 +374,9 @@ def _float(slot: Any, value: Any, path: str) -> float:
 
 
 def _integer(slot: Any, value: Any, path: str) -> int | bytes:
+    # Quotients, times and scene values are floats, and authors cannot see that.
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
     if isinstance(value, bool) or not isinstance(value, int):
         raise _wrong_type(path, "a whole number", value)
     octet = slot.typename == idl.OCTET_TYPE

@@ -17,6 +17,7 @@ import yaml
 from action_msgs.msg import GoalStatus
 from py_trees.common import Status
 from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
 
 from bt_agents.host import run_server
 from bt_agents.host.node import HostNode, make_node
@@ -140,6 +141,12 @@ def test_unrunnable_goal_is_refused_with_reason(
     assert mouth.goals[0].cancels == 0
     mouth.goals[0].finish()
     assert client.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
+
+
+def test_run_without_simulated_time_is_refused(host: HostNode, client: Client) -> None:
+    host.set_parameters([Parameter("use_sim_time", value=True)])
+    reason = "quick cannot run: use_sim_time is set, but nothing publishes /clock"
+    assert client.refusal("quick") == ("UNAVAILABLE", reason)
 
 
 def test_agent_still_runs_after_flood_of_refused_goals(

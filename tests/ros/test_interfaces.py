@@ -105,7 +105,9 @@ def test_setting_nested_fields_keeps_other_fields():
         (Float64(), {"data": "1"}, "WRONG_TYPE", "'data' is '1', expected a number"),
         (Float32(), {"data": 1e39}, "OUT_OF_RANGE", "too large"),
         (Float64(), {"data": 10**400}, "OUT_OF_RANGE", "too large"),
-        (Int8(), {"data": 1.0}, "WRONG_TYPE", "expected a whole number"),
+        (Int8(), {"data": 1.5}, "WRONG_TYPE", "'data' is 1.5, expected a whole number"),
+        (Int8(), {"data": math.inf}, "WRONG_TYPE", "expected a whole number"),
+        (Int8(), {"data": 128.0}, "OUT_OF_RANGE", "-128 to 127"),
         (Int8(), {"data": 128}, "OUT_OF_RANGE", "-128 to 127"),
         (Byte(), {"data": 256}, "OUT_OF_RANGE", "0 to 255"),
         (String(), {"data": 5}, "WRONG_TYPE", "'data' is 5, expected text"),
@@ -147,6 +149,12 @@ def test_float_fields_accept_nan_and_infinity():
     assert math.isnan(message.data)
     fill(message, {"data": math.inf})
     assert message.data == math.inf
+
+
+def test_integer_field_takes_whole_float() -> None:
+    message = Int8()
+    fill(message, {"data": 6 / 2})
+    assert message.data == 3
 
 
 def test_a_negative_duration_has_positive_nanoseconds():

@@ -113,6 +113,16 @@ def test_node_exit_code_survives_hanging_middleware(end: str, outcome: tuple[int
     assert printed(HANGING.format(end=end)) == outcome
 
 
+def test_unreadable_ros_argument_is_one_error() -> None:
+    lines = printed(
+        "from bt_agents_ros.spinner import run\n"
+        "raise SystemExit(run(None, ['--ros-args', '--params-file', '/nowhere.yaml']))"
+    )
+    assert lines[0] == 1
+    assert "error: ROS refuses the arguments after --ros-args: failed to init" in lines[1]
+    assert "Traceback" not in lines[1]
+
+
 def test_hanging_start_ends_with_traceback() -> None:
     code, text = printed(HANGING_START)
     assert code == 1

@@ -34,6 +34,7 @@ from bt_agents_language.model.specs import (
 )
 
 _LONGEST_JSON = 100_000
+_LONGEST_TEXT = 100_000
 _MOST_NAMES = 4
 _NOTHING = object()
 QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
@@ -274,6 +275,7 @@ def evaluate(value: Value, names: ValueSource) -> Plain:
     Raises:
         MissingValue: A name in it has no value.
         EvaluationError: An expression in it cannot be evaluated.
+        Refused: ``TOO_LONG``; a text that repeats itself would fill the memory.
     """
     match value:
         case Literal():
@@ -283,13 +285,22 @@ def evaluate(value: Value, names: ValueSource) -> Plain:
         case Computed():
             return _computed(value, names)
         case Text():
-            return "".join(_as_text(part, names) for part in value.parts)
+            return _bounded("".join(_as_text(part, names) for part in value.parts))
         case Variants():
             raise AssertionError("variants are picked before they are evaluated")
         case ListValue():
             return tuple(evaluate(item, names) for item in value.items)
         case MapValue():
             return {key: evaluate(item, names) for key, item in value.items.items()}
+
+
+def _bounded(text: str) -> str:
+    if len(text) > _LONGEST_TEXT:
+        raise Refused(
+            RefusalCode.TOO_LONG,
+            f"the text has {len(text):,} characters, expected at most {_LONGEST_TEXT:,}",
+        )
+    return text
 
 
 def explain_false(condition: Expression, names: ValueSource, *, verb: str = "not so") -> str:

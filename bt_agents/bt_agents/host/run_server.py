@@ -390,7 +390,7 @@ class RunServer:
         if not goal.agent:
             known = ", ".join(self._registry.members) or "none"
             raise Refused(RefusalCode.EMPTY, f"the goal names no agent; there are: {known}")
-        obstacle = self._registry.member(goal.agent).obstacle
+        obstacle = self._registry.member(goal.agent).obstacle or self.environment.clock.obstacle()
         if obstacle:
             raise Refused(RefusalCode.UNAVAILABLE, f"{goal.agent} cannot run: {obstacle}")
         return partial_scene_from_msg(goal.scene, self._registry.space)

@@ -15,7 +15,15 @@ from bt_agents_language.fields.interfaces import (
     read_ros_type,
 )
 from bt_agents_language.fields.scope import RUN_NAMES, NameScope
-from bt_agents_language.fields.values import is_plain, plain, read_condition, read_map
+from bt_agents_language.fields.values import (
+    EXPECTED,
+    is_plain,
+    may_be_sent,
+    plain,
+    read_condition,
+    read_map,
+    type_of,
+)
 from bt_agents_language.model.specs import (
     Binding,
     ErrorCodeSpec,
@@ -252,7 +260,7 @@ def _check_sent(
     type_name: str,
     interfaces: Interfaces,
 ) -> None:
-    """Report fields that the type lacks, and plain values that do not fit its fields."""
+    """Report fields that the type lacks, and values that do not fit its fields."""
     open_nodes: list[tuple[Node, tuple[str, ...], MapValue]] = [(node, (), sent)]
     while open_nodes:
         current, around, values = open_nodes.pop()
@@ -270,7 +278,15 @@ def _check_sent(
                 open_nodes.append((entry.value, path, value))
                 continue
             open_nodes.append((entry.value, path, MapValue(items={})))
-            if value is None or not is_plain(value):
+            if value is None:
+                continue
+            if not is_plain(value):
+                given = type_of(value)
+                wanted = interfaces.field_type(kind, type_name, SENT[kind], ".".join(path))
+                if not may_be_sent(given, wanted):
+                    problem = f"expected {EXPECTED[wanted]}, but this is {EXPECTED[given]}"
+                    problem = f"{type_name}: '{'.'.join(path)}': {problem}"
+                    reading.error("wrong-value", entry.value, problem, "use a name that fits")
                 continue
             nested: Plain = plain(value)
             for part in reversed(path):

@@ -59,6 +59,20 @@ def may_be(given: FieldType, wanted: FieldType) -> bool:
     return not known or given is wanted or given in _FITTING.get(wanted, ())
 
 
+def may_be_sent(given: FieldType, wanted: FieldType) -> bool:
+    """Return whether a message field of one type may take a value of another: any number fits."""
+    return FieldType.ANY in (given, wanted) or all(
+        (given is one) is (wanted is one) for one in (FieldType.TEXT, FieldType.BOOLEAN)
+    )
+
+
+def type_of(value: Value) -> FieldType:
+    """Return the type of a value with names in it, as far as known."""
+    if isinstance(value, Text):
+        return FieldType.TEXT
+    return value.type if isinstance(value, Reference) else FieldType.ANY
+
+
 def read_value(
     reading: TypedReader,
     node: Node,

@@ -138,9 +138,10 @@ def read_trees(
     texts_of_language = FolderTexts(folder, language or scene.language)
     known = texts_of_language.languages()
     if language not in ("", scene.language, *known):
+        there = f"some in {join_words(known, 'and')}" if known else "none"
         raise BtAgentsError(
-            f"there are no texts in the language {quote(language)} in '{folder}'; there are some "
-            f"in {join_words(known, 'and') or 'none'}"
+            f"there are no texts in the language {quote(language)} in '{folder}'; "
+            f"there are {there}"
         )
     libraries = _libraries(folder, scene, interfaces, robot, texts_of_language)
     files = [read_agent_file(path, libraries) for path in yaml_files(folder / "agents")]

@@ -128,6 +128,8 @@ def set_discovery(environment: MutableMapping[str, str]) -> None:
             f"ROS_NAMESPACE is {quote(namespace)}, expected words of letters, digits and '_' with "
             f"'/' between, as in /robot1, of {_LONGEST_NAMESPACE} characters at most"
         )
+    if namespace.endswith("/"):  # which no node may have
+        environment["ROS_NAMESPACE"] = namespace.rstrip("/")
     reach = environment.get(DISCOVERY_RANGE, RANGES[0])
     if reach == "OFF":
         raise BtAgentsError(
@@ -380,7 +382,9 @@ class Supervisor:
             one.inactive.discard(name)
             one.since = self._clock()
         else:
-            self._events.append(f"{name} was told to leave: it is {state}")
+            # Only an error leads there, such as a parameter that the node refuses as it activates.
+            cause = "has failed" if state == "unconfigured" else "was told to leave"
+            self._events.append(f"{name} {cause}: it is {state}")
             one.inactive.add(name)
             one.since = self._clock()
             one.last_heartbeat = None

@@ -85,7 +85,7 @@ _START = (
     StartParameter(
         name="ledger",
         description="SQLite file of all learned profiles; empty: the file in the state folder of "
-        "the trees folder, as for 'bt-agents up'; :memory: keeps nothing",
+        "the trees folder, as for 'bt-agents up'; ':memory:', in quotes, keeps nothing",
     ),
     StartParameter(
         name="simulated_feedback",

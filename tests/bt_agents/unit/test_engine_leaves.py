@@ -30,6 +30,13 @@ def test_log_writes_line_and_reports_it() -> None:
     assert harness.reports("tree/0.log") == [("SUCCESS", "The scene is 3.")]
 
 
+def test_text_that_repeats_itself_is_bounded() -> None:
+    tenfold = "${z}" * 10
+    harness = TreeHarness(f"sequence: [set: {{z: a}}, {{set: {{z: '{tenfold}'}}, repeat: 9}}]")
+    harness.tick(9)
+    assert "the text has 1,000,000 characters, expected at most 100,000" in harness.message
+
+
 def test_side_effects_are_reported_each_time_unlike_checks() -> None:
     harness = TreeHarness("repeat: 3\nsequence: [{check: scene.age == 3}, {say: x}, {log: y}]")
     harness.tick(3)

@@ -210,6 +210,21 @@ def test_feedback_field_must_exist_in_known_type() -> None:
         go(ACTION.replace("}", f", {heartbeat}}}"))
 
 
+class Texts(FakeInterfaces):
+    """Each field is a text."""
+
+    def field_type(self, *_: object) -> FieldType:
+        return FieldType.TEXT
+
+
+def test_input_of_other_type_cannot_fill_field() -> None:
+    inputs, goal = "inputs: {turn: angle}, ", ", goal: {good: '${turn}'}}"
+    problem = "known_msgs/action/Go: 'good': expected a text, but this is an angle"
+    with pytest.raises(ReadError, match=problem):
+        go(inputs + ACTION.replace("}", goal), interfaces=Texts())
+    go(inputs + ACTION.replace("}", goal.replace("$", "to $")), interfaces=Texts())
+
+
 def test_another_robot_binds_output_to_own_feedback() -> None:
     words = f"""
 format: 1

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -225,6 +226,9 @@ def test_language_without_texts_is_rejected(folder):
     with pytest.raises(BtAgentsError, match="no texts in the language"):
         folder.read("../agents/guide")
     assert FolderTexts(folder.path, "../agents/guide").broken is None
+    shutil.rmtree(folder.path / "texts")
+    with pytest.raises(BtAgentsError, match=r"no texts in the language 'fr'.*; there are none$"):
+        folder.read("fr")
 
 
 def test_broken_text_file_breaks_only_its_users(folder):

@@ -191,6 +191,12 @@ def test_inactive_node_may_be_silent(watched: Watched) -> None:
     assert watched.wait(10.0) == [HANGS]
 
 
+def test_failed_node_was_not_told_to_leave(watched: Watched) -> None:
+    watched.run()
+    watched.on_state("agents", "unconfigured")
+    assert watched.poll() == ["agents has failed: it is unconfigured"]
+
+
 def test_heartbeat_of_any_node_counts_for_shared_process(watched: Watched) -> None:
     shared = replace(watched.write("system", UP_FOR_EVER), parts={"agents": "a", "robot": "b"})
     watched.start(shared)
@@ -419,6 +425,12 @@ def test_only_unresponsive_process_is_killed_at_shutdown(
 def test_invalid_ros_environment_is_explained(name: str, value: str, words: str) -> None:
     with pytest.raises(BtAgentsError, match=f"^{name} is .*{words}"):
         set_discovery({name: value})
+
+
+def test_slash_after_namespace_does_not_count() -> None:
+    environment = {"ROS_NAMESPACE": "/robot1/"}
+    set_discovery(environment)
+    assert environment["ROS_NAMESPACE"] == "/robot1"
 
 
 def test_unwritable_folder_is_named(tmp_path: Path) -> None:
