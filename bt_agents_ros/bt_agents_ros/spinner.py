@@ -142,8 +142,8 @@ def run_together(
     die_with_parent()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # an argument or a parameter file that ROS cannot read
-        print(f"error: ROS refuses the arguments after --ros-args: {error}", file=sys.stderr)
+    except RuntimeError as error:  # such as an argument or a parameter file that ROS cannot read
+        print(f"error: ROS cannot start: {error}", file=sys.stderr)
         return 1
     nodes: list[Any] = []
     try:
