@@ -271,10 +271,9 @@ class TypedReader:
             # A misspelled key is not missing, and is read as the intended one.
             meant = nearest(word, [key for key in known if key not in nodes])
             above = _left_empty(node, entry, nodes)
-            cut = _cut_by_comma(node, entry)
             hint = did_you_mean(word, known)
-            if cut is not None:
-                hint = f"a comma ends a text: put the whole text after '{cut}:' in quotes"
+            if cut := comma_hint(node, entry):
+                hint = cut
             elif word in beside:
                 hint = f"'{word}' stands beside {what}, not in it"
             elif meant is not None:
@@ -684,8 +683,8 @@ def _as_quantity(entry: MappingEntry) -> str:
     return f"write {amount} {DIMENSIONS[found].meant(entry.key.text)}" if found else ""
 
 
-def _cut_by_comma(node: Mapping, entry: MappingEntry) -> str | None:
-    """Return the key before an entry that seems to be the rest of its text, as in {a: b, c}."""
+def comma_hint(node: Mapping, entry: MappingEntry) -> str:
+    """Return a hint for an entry that seems to be the rest of a value, as in {a: b, c}."""
     place = node.entries.index(entry)
     before = node.entries[place - 1] if place else None
     if (
@@ -693,11 +692,14 @@ def _cut_by_comma(node: Mapping, entry: MappingEntry) -> str | None:
         or not _without_value(entry)
         or ":" in entry.key.source.text[entry.key.end :][:1]
     ):
-        return None
-    value = before.value
+        return ""
+    value, rest = before.value, entry.key.text
     between = entry.key.source.text[value.end : entry.key.start]
-    cut = isinstance(value, Scalar) and value.plain and not value.empty and between.strip() == ","
-    return before.key.text if cut else None
+    if not isinstance(value, Scalar) or not value.plain or value.empty or between.strip() != ",":
+        return ""
+    if between == "," and rest[:1].isdecimal() and value.text.lstrip("+-").isdecimal():
+        return f"use a point: {value.text}.{ellipsize(rest)}"
+    return f"a comma ends a text: put the whole text after '{before.key.text}:' in quotes"
 
 
 def _left_empty(node: Mapping, entry: MappingEntry, known: Collection[str]) -> str | None:

@@ -153,7 +153,8 @@ def _profiles(named: Iterable[tuple[str, str]]) -> dict[str, dict[str, float]]:
         try:
             values[match["parameter"]] = number(text)
         except QuantityError as error:
-            raise Refused(RefusalCode.NOT_A_VALUE, f"{name}: {error.message}") from None
+            hint = f"; {error.hint}" if error.hint else ""
+            raise Refused(RefusalCode.NOT_A_VALUE, f"{name}: {error.message}{hint}") from None
     return found
 
 
