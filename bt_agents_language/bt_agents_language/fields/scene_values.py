@@ -7,8 +7,8 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector, check_value
 from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_language.yaml.typed_reader import TypedReader, adding, comma_hint
-from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar
+from bt_agents_language.yaml.typed_reader import TypedReader, adding
+from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
 
 def read_values(
@@ -17,8 +17,7 @@ def read_values(
     """Return values of some scene parameters; report and omit wrong ones."""
     found: dict[str, float] = {}
     for entry in reading.entries(node, what, f"values of {', '.join(space.names)}"):
-        hint = comma_hint(node, entry) if isinstance(node, Mapping) else ""
-        parameter = read_parameter(reading, entry.key, space, hint)
+        parameter = read_parameter(reading, entry.key, space)
         if parameter is None or _is_label(reading, entry.value, parameter):
             continue
         value = reading.number(entry.value, entry.key.text)
@@ -57,9 +56,7 @@ def read_vector(reading: TypedReader, node: Node, what: str, space: SceneSpace) 
     return tuple(values[name] for name in space.names)
 
 
-def read_parameter(
-    reading: TypedReader, node: Node, space: SceneSpace, hint: str = ""
-) -> SceneParameter | None:
+def read_parameter(reading: TypedReader, node: Node, space: SceneSpace) -> SceneParameter | None:
     """Return the named scene parameter, or report that there is none and return None."""
     name = reading.text(node, "a scene parameter")
     if name is None:
@@ -79,6 +76,6 @@ def read_parameter(
             "unknown-name",
             node,
             f"there is no scene parameter {quote(name)}",
-            hint or did_you_mean(name.removeprefix("scene."), space.names),
+            did_you_mean(name.removeprefix("scene."), space.names),
         )
         return None

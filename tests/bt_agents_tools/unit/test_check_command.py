@@ -107,8 +107,10 @@ def test_values_of_a_preset_are_possible_ones(trees):
     for number, value in enumerate(("2,5 s", "99 s", "7 s", "8 s")):
         text = f"format: 1\npreset: p{number}\nvalues: {{one: {{x: '{value}'}}}}\n"
         write(f"presets/p{number}.yaml", text)
+    write("presets/cut.yaml", "format: 1\npreset: c\nvalues: {one: {x: 2,5 s}}\n")
     write("presets/rate.yaml", "format: 1\npreset: r\nvalues: {one: {learning_rate: 2}}\n")
     assert [one for one in found() if "presets" in one] == [
+        "trees/presets/cut.yaml:3 missing-value",
         "trees/presets/p0.yaml:3 bad-duration",
         "trees/presets/p1.yaml:3 out-of-range",
         "trees/presets/p2.yaml:3 off-step",
