@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the changes of scripted visits reach a run: they show in its live scene."""
+"""Whether scripted visits reach a run: they are measured, and their changes show in its scene."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.liveness import extended_lease
-from bt_agents_language.model.specs import SceneChange
+from bt_agents_core.text import join_words
+from bt_agents_language.model.scene_specs import SceneSpec
+from bt_agents_language.model.specs import SceneChange, Visit
 
 EFFECT_S = 2.0
 """Longest time from a change until the live scene shows it [s]."""
@@ -69,6 +71,17 @@ def unmade_text(change: SceneChange, label: str, *, started: bool) -> str:
     """Return in words that a change was not made, because its visit was over."""
     reason = "the visit was over by then" if started else "no run of the visit has started"
     return f"{label}: {change_text(change)} had no effect: {reason}"
+
+
+def unmeasured_text(visit: Visit, spec: SceneSpec) -> str:
+    """Return in words which values of a visit no source measures; empty if there is none."""
+    measured = {source.parameter for source in spec.sources}
+    lost = [name for name in visit.values if name not in measured]
+    if not lost:
+        return ""
+    return (
+        f"{visit.label}: {join_words(lost, 'and')} had no effect: scene.yaml has no source for it"
+    )
 
 
 def change_text(change: SceneChange) -> str:

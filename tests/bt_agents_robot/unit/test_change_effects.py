@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.specs import SceneChange
-from bt_agents_robot.change_effects import EFFECT_S, ChangeEffects, unmade_text
+from dataclasses import replace
+
+from bt_agents_language.model.specs import SceneChange, Visit
+from bt_agents_robot.change_effects import EFFECT_S, ChangeEffects, unmade_text, unmeasured_text
+from file_texts import read_scene_text
 
 FALL = SceneChange(after_s=3.0, values={"mood": 1.5})
 
@@ -33,6 +36,18 @@ def test_change_that_does_not_show_is_named_once():
         "Mrs Smith: mood 1.5 after 3 s had no effect: the live scene has not shown it within 2 s"
     ]
     assert not found.pending
+
+
+def test_value_that_nothing_measures_is_named():
+    value = "{min: 1, max: 5, default: 3}"
+    head = f"format: 1\nparameters: {{age: {value}, mood: {value}}}\n"
+    source = "{topic: t, type: std_msgs/msg/Float64, field: data, stale_after: 2 s}"
+    spec = read_scene_text(f"{head}sources: {{age: {source}}}\n", "scene.yaml")
+    visit = Visit(label="Mrs Smith", person=True, values={"age": 4.0})
+    assert unmeasured_text(visit, spec) == ""
+    assert unmeasured_text(replace(visit, values={"mood": 1.0}), spec) == (
+        "Mrs Smith: mood had no effect: scene.yaml has no source for it"
+    )
 
 
 def test_change_during_stall_may_show_afterwards():
