@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.liveness import extended_lease
-from bt_agents_core.text import join_words
-from bt_agents_language.model.scene_specs import SceneSpec
+from bt_agents_core.text import join_words, quote
 from bt_agents_language.model.specs import SceneChange, Visit
 
 EFFECT_S = 2.0
@@ -73,15 +72,20 @@ def unmade_text(change: SceneChange, label: str, *, started: bool) -> str:
     return f"{label}: {change_text(change)} had no effect: {reason}"
 
 
-def unmeasured_text(visit: Visit, spec: SceneSpec) -> str:
-    """Return in words which values of a visit no source measures; empty if there is none."""
-    measured = {source.parameter for source in spec.sources}
+def unmeasured_text(visit: Visit, measured: Collection[str], person_id: str) -> str:
+    """Return in words which values of a visit nothing measures; empty if there is none.
+
+    Args:
+        visit: It has just begun.
+        measured: Parameters that the sensors measure of its person.
+        person_id: Id of this person; not every id can be part of a topic.
+    """
     lost = [name for name in visit.values if name not in measured]
     if not lost:
         return ""
-    return (
-        f"{visit.label}: {join_words(lost, 'and')} had no effect: scene.yaml has no source for it"
-    )
+    whom = f" of {quote(person_id)}" if person_id else ""
+    reason = f"no source of scene.yaml can measure it{whom}"
+    return f"{visit.label}: {join_words(lost)} had no effect: {reason}"
 
 
 def change_text(change: SceneChange) -> str:

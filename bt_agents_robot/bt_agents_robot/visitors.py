@@ -352,7 +352,10 @@ class VisitorsNode(BaseNode):
         self._values, self._person = dict(visit.values), visit.person
         self._meet(visit.name)
         self._seen = set(visit.values)
-        if unmeasured := unmeasured_text(visit, self._spec):
+        tracker = [self._tracker] if self._tracker is not None else []
+        sensors = (*self._sensors, *self._personal, *tracker)
+        measured = {source.parameter for sensor in sensors for source in sensor.sources}
+        if unmeasured := unmeasured_text(visit, measured, self._id):
             self._remark(unmeasured)
         self._awaiting_scene = False
         self._trigger_at = math.inf

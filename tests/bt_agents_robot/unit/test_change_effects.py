@@ -3,11 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from bt_agents_language.model.specs import SceneChange, Visit
 from bt_agents_robot.change_effects import EFFECT_S, ChangeEffects, unmade_text, unmeasured_text
-from file_texts import read_scene_text
 
 FALL = SceneChange(after_s=3.0, values={"mood": 1.5})
 
@@ -39,14 +36,10 @@ def test_change_that_does_not_show_is_named_once():
 
 
 def test_value_that_nothing_measures_is_named():
-    value = "{min: 1, max: 5, default: 3}"
-    head = f"format: 1\nparameters: {{age: {value}, mood: {value}}}\n"
-    source = "{topic: t, type: std_msgs/msg/Float64, field: data, stale_after: 2 s}"
-    spec = read_scene_text(f"{head}sources: {{age: {source}}}\n", "scene.yaml")
-    visit = Visit(label="Mrs Smith", person=True, values={"age": 4.0})
-    assert unmeasured_text(visit, spec) == ""
-    assert unmeasured_text(replace(visit, values={"mood": 1.0}), spec) == (
-        "Mrs Smith: mood had no effect: scene.yaml has no source for it"
+    visit = Visit(label="Mrs Smith", person=True, values={"age": 4.0, "mood": 1.0})
+    assert unmeasured_text(visit, ["mood", "age"], "") == ""
+    assert unmeasured_text(visit, ["age"], "Frau Müller") == (
+        "Mrs Smith: mood had no effect: no source of scene.yaml can measure it of 'Frau Müller'"
     )
 
 
