@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the changes of scripted visits reach a run: they show in its live scene."""
+"""Whether scripted visits reach a run: they are measured, and their changes show in its scene."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.liveness import extended_lease
-from bt_agents_language.model.specs import SceneChange
+from bt_agents_core.text import join_words, quote
+from bt_agents_language.model.specs import SceneChange, Visit
 
 EFFECT_S = 2.0
 """Longest time from a change until the live scene shows it [s]."""
@@ -69,6 +70,22 @@ def unmade_text(change: SceneChange, label: str, *, started: bool) -> str:
     """Return in words that a change was not made, because its visit was over."""
     reason = "the visit was over by then" if started else "no run of the visit has started"
     return f"{label}: {change_text(change)} had no effect: {reason}"
+
+
+def unmeasured_text(visit: Visit, measured: Collection[str], person_id: str) -> str:
+    """Return in words which values of a visit nothing measures; empty if there is none.
+
+    Args:
+        visit: It has just begun.
+        measured: Parameters that the sensors measure of its person.
+        person_id: Id of this person; not every id can be part of a topic.
+    """
+    lost = [name for name in visit.values if name not in measured]
+    if not lost:
+        return ""
+    whom = f" of {quote(person_id)}" if person_id else ""
+    reason = f"no source of scene.yaml can measure it{whom}"
+    return f"{visit.label}: {join_words(lost)} had no effect: {reason}"
 
 
 def change_text(change: SceneChange) -> str:

@@ -33,7 +33,7 @@ from bt_agents_language.model.scene_specs import (
 )
 from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_robot.button_presses import ButtonPresses
-from bt_agents_robot.change_effects import ChangeEffects, unmade_text
+from bt_agents_robot.change_effects import ChangeEffects, unmade_text, unmeasured_text
 from bt_agents_robot.people import (
     REACTION_S,
     check_visitors,
@@ -352,6 +352,11 @@ class VisitorsNode(BaseNode):
         self._values, self._person = dict(visit.values), visit.person
         self._meet(visit.name)
         self._seen = set(visit.values)
+        tracker = [self._tracker] if self._tracker is not None else []
+        sensors = (*self._sensors, *self._personal, *tracker)
+        measured = {source.parameter for sensor in sensors for source in sensor.sources}
+        if unmeasured := unmeasured_text(visit, measured, self._id):
+            self._remark(unmeasured)
         self._awaiting_scene = False
         self._trigger_at = math.inf
         self._warn_at = now + WARNING_PERIOD_S

@@ -429,4 +429,6 @@ def _shown(value: Any) -> str:
         return f"'{value[:60]}'" if len(value) <= 60 else f"'{value[:60]}…'"
     if isinstance(value, int | float):
         return f"{value:g}" if isinstance(value, float) else str(value)[:60]
-    return "a mapping" if isinstance(value, Mapping) else f"a {type(value).__name__}"
+    if isinstance(value, Mapping):
+        return "a mapping"
+    return "a list" if isinstance(value, list | tuple) else f"a {type(value).__name__}"

@@ -6,8 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from rcl_interfaces.srv import GetParameters
 from rosidl_parser import definition as idl
 
+from bt_agents_interfaces.msg import TunableInfo
 from bt_agents_ros.types import slot_at
 
 HOSTILE = (
@@ -17,6 +19,9 @@ HOSTILE = (
 
 _NUMBERS = {"boolean": False, "octet": b"\0", "float": 0.0, "double": 0.0}
 """Type of a field → its value; all others are 0."""
+
+
+_EXACT = {TunableInfo: "default_value", GetParameters.Response: "values"}
 
 
 def hostile(kind: type[Any]) -> Any:
@@ -34,12 +39,13 @@ def hostile(kind: type[Any]) -> Any:
 
 
 def texts(value: Any) -> Iterator[str]:
-    """Yield every text of a message, including texts in lists."""
+    """Yield every text of a message, including texts in lists, except values of parameters."""
     if isinstance(value, str):
         yield value
     elif hasattr(value, "get_fields_and_field_types"):
         for name in value.get_fields_and_field_types():
-            yield from texts(getattr(value, name))
+            if _EXACT.get(type(value)) != name:
+                yield from texts(getattr(value, name))
     elif isinstance(value, list):
         for one in value:
             yield from texts(one)

@@ -290,3 +290,22 @@ def test_values_and_conditions_are_checked_against_installed_types(tree, expecte
         read_agent_text(head + tree + "}\n", "a.yaml", symbols)
     assert [line.split("error[")[1].split("]")[0] for line in caught.value.lines] == [expected]
     read_agent_text(head + "say: x}\n", "a.yaml", symbols)
+
+
+@pytest.mark.parametrize(
+    ("choices", "found", "hint"),
+    [
+        ("[1, 2]", "'choices.0' is 1, expected text", 'write ["1", "2"]'),
+        ("ja", "'choices' is 'ja', expected a list", 'write ["ja"]'),
+        ("[[a]]", "'choices.0' is a list, expected text", ""),
+    ],
+)
+def test_choices_are_checked_against_installed_type(choices, found, hint):
+    symbols = replace(SYMBOLS, interfaces=InstalledInterfaces())
+    head = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+    tree = f"tree: {{ask: {{text: A?, choices: {choices}}}}}\n"
+    with pytest.raises(ReadError) as caught:
+        read_agent_text(head + tree, "a.yaml", symbols)
+    [problem] = caught.value.diagnostics
+    assert problem.message == f"the robot does not take this: {found}"
+    assert problem.hint == hint

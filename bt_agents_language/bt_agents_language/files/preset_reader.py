@@ -11,13 +11,14 @@ from pathlib import Path
 from bt_agents_core.diagnostic import Diagnostic, Position
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean, warning
-from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.files.tunable_reader import check_setting, read_setting
+from bt_agents_language.model.specs import AgentSpec, Tunable
 from bt_agents_language.yaml.field_tables import TEXT, Entries, FieldDecl, FileKind
 from bt_agents_language.yaml.scalars import as_scalar
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import FORMAT, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
-from bt_agents_language.yaml.yaml_reader import Scalar
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Scalar
 
 PRESETS_FOLDER = "presets"
 """Folder of a trees folder with a file for each preset."""
@@ -64,8 +65,12 @@ class Preset:
     positions: Mapping[str, Position]
 
 
-def read_preset(file: Path | Source) -> Preset:
-    """Return the preset of a file, or raise a ``ReadError`` with all problems."""
+def read_preset(file: Path | Source, agents: Collection[AgentSpec] = ()) -> Preset:
+    """Return the preset of a file, or raise a ``ReadError`` with all problems.
+
+    Values of tunables of these agents must be possible, as the host refuses the others.
+    """
+    tunables = {(one.name, its.name): its for one in agents for its in one.tunables}
     with TypedReader.of(file) as reading:
         fields = reading.file(PRESET)
         name = fields.text("preset")
@@ -86,8 +91,19 @@ def read_preset(file: Path | Source) -> Preset:
                 if agent is not None and tunable is not None and text is not None:
                     values[f"{agent}.{tunable}"] = text
                     positions[f"{agent}.{tunable}"] = entry.key.position
+                    _check_value(reading, entry, tunables.get((agent, tunable)))
         reading.problems.raise_if_any()
         return Preset(name=name, values=values, positions=positions)
+
+
+def _check_value(reading: TypedReader, entry: MappingEntry, tunable: Tunable | None) -> None:
+    assert isinstance(entry.value, Scalar)
+    what = f"'{entry.key.text[:40]}'"
+    if tunable is not None:
+        value = read_setting(reading, entry.value, what, tunable.type)
+        check_setting(reading, entry.value, what, value, tunable)
+    elif entry.key.text == LEARNING_RATE:
+        reading.number(entry.value, what, 0.0, 1.0)
 
 
 def name_problem(name: str) -> str:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_core.field_types import FieldType
+from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.scene import MAX_VALUE
 from bt_agents_core.text import ellipsize, join_quoted, join_words, quote
 from bt_agents_language.expression import quantities
@@ -69,7 +69,7 @@ def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunabl
     before = len(reading.problems)
     description = fields.text("description")
     field_type = _type(default, [fields.get(key) for key in _RANGE])
-    value = _default(reading, default, field_type, what)
+    value = read_setting(reading, default, f"the default of {what}", field_type)
     minimum, maximum, step = None, None, 0.0
     if value is None:
         return None
@@ -81,10 +81,7 @@ def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunabl
         if limits is None:
             return None
         minimum, maximum, step = limits
-        _check_default(reading, default, what, field_type, value, *limits)
-    if len(reading.problems) > before:
-        return None
-    return Tunable(
+    tunable = Tunable(
         name=name,
         type=field_type,
         default=value,
@@ -94,6 +91,8 @@ def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunabl
         description=description,
         position=entry.key.position,
     )
+    check_setting(reading, default, f"the default of {what}", value, tunable)
+    return tunable if len(reading.problems) == before else None
 
 
 def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
@@ -164,15 +163,15 @@ def _warn_of_quantity(reading: TypedReader, default: Scalar, what: str) -> None:
     )
 
 
-def _default(
-    reading: TypedReader, node: Scalar, field_type: FieldType, what: str
+def read_setting(
+    reading: TypedReader, node: Scalar, what: str, field_type: FieldType
 ) -> bool | int | float | str | None:
-    label = f"the default of {what}"
+    """Return a value of a tunable of this type, or report that it is wrong and return None."""
     if field_type is FieldType.BOOLEAN:
-        return reading.boolean(node, label)
+        return reading.boolean(node, what)
     if field_type is FieldType.TEXT:
-        return reading.text(node, label, empty=not node.plain)
-    return reading.amount(node, label, field_type)
+        return reading.text(node, what, empty=not node.plain)
+    return reading.amount(node, what, field_type)
 
 
 def _range(
@@ -237,28 +236,28 @@ def _range(
     return minimum, maximum, step or 0.0
 
 
-def _check_default(
-    reading: TypedReader,
-    node: Scalar,
-    what: str,
-    field_type: FieldType,
-    value: float,
-    minimum: float | None,
-    maximum: float | None,
-    step: float,
-) -> None:
-    label = f"the default of {what}"
-    if not reading.in_range(node, label, value, minimum, maximum, field_type):
-        return
-    if not step or minimum is None or value == maximum:
-        return
-    steps = (value - minimum) / step
-    if abs(steps - round(steps)) > _STEP_TOLERANCE:
-        near = minimum + round(steps) * step
-        reading.error(
-            "off-step",
-            node,
-            f"{label} is {format_quantity(value, field_type, _DIGITS)}, which is not 'min' plus a "
-            f"number of steps of {format_quantity(step, field_type, _DIGITS)}",
-            f"write {format_quantity(near, field_type, _DIGITS)}",
-        )
+def check_setting(
+    reading: TypedReader, node: Node, what: str, value: Plain, tunable: Tunable
+) -> bool:
+    """Return whether a value of a tunable is in its range and on a step; report it if not."""
+    low, high, step = tunable.minimum, tunable.maximum, tunable.step
+    if not isinstance(value, int | float):
+        return True
+    if not reading.in_range(node, what, value, low, high, tunable.type):
+        return False
+    if not step or low is None or value == high:
+        return True
+    steps = (value - low) / step
+    if abs(steps - round(steps)) <= _STEP_TOLERANCE:
+        return True
+    shown, shown_step, near = (
+        format_quantity(one, tunable.type, _DIGITS)
+        for one in (value, step, low + round(steps) * step)
+    )
+    reading.error(
+        "off-step",
+        node,
+        f"{what} is {shown}, which is not 'min' plus a number of steps of {shown_step}",
+        f"write {near}",
+    )
+    return False

@@ -226,7 +226,7 @@ class _FolderCheck:
             self._add(unknown_agents(rules, [agent.name for agent in trees.agents]))
 
     def _add_preset(self, trees: Trees, path: Path) -> None:
-        preset = read_preset(path)
+        preset = read_preset(path, trees.agents)
         if not trees.broken:
             self._add(unknown_values(preset, trees.agents))
 

@@ -36,7 +36,7 @@ _UNMARKED = re.compile(rf"(?<![$\w])(?:\${_NAME}|\{{{{1,2}}\s*{_NAME}\s*\}}{{1,2
 # A comment starts with a word; a number, as in "gate #4", is part of the speech.
 _NUMBER = re.compile(r"[ \t]+#\d\w*")
 _SIGN = re.compile(r"[ \t]#\d")
-_COMMA = re.compile(r"\[[^\]]*,\s+[^\W\d_A-Z]")
+_COMMA = re.compile(r"\[[^\[\]]*,\s+[^\W\d_A-Z]")
 
 Found = Iterator[Diagnostic]
 

@@ -6,23 +6,30 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bt_agents_core.diagnostic import Position
+from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.text import ellipsize, join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.fields.bindings import SENT
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.fields.values import ONE_OF, read_value, read_variants
+from bt_agents_language.fields.values import ONE_OF, is_plain, plain, read_value, read_variants
 from bt_agents_language.model.specs import (
     NOTHING,
+    Binding,
     FieldSpec,
     Literal,
     NodeSpec,
+    Reference,
     SkillSpec,
     SubtreeSpec,
+    Value,
 )
 from bt_agents_language.nodes.catalogue import SIBLING_KEYS
 from bt_agents_language.nodes.node_type import LABEL_LENGTH, FieldValues, RawNode, short
 from bt_agents_language.nodes.skill import takes_variants
 from bt_agents_language.nodes.subtree import SUBTREE
 from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.yaml.scalars import quoted
 from bt_agents_language.yaml.typed_reader import TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of
@@ -74,7 +81,32 @@ class CallReader:
             variants = read_variants(self._reading, written, names, f"'{ONE_OF}'")
             if variants is not None:
                 fields[skill.main] = variants
+        for one in skill.inputs:
+            value = fields.get(one.name) if one.type is FieldType.ANY else None
+            if one.name in nodes and value is not None and not isinstance(value, Expression):
+                self._check_sent(skill.binding, one.name, nodes[one.name], value)
         return fields
+
+    def _check_sent(self, binding: Binding | None, name: str, node: Node, value: Value) -> None:
+        """Report a plain input that does not fit the fields that it fills."""
+        interfaces = self._symbols.interfaces
+        if binding is None or interfaces is None or not is_plain(value):
+            return
+        filled = [key for key, of in binding.fields.items.items() if of == Reference(name=name)]
+
+        def problem(sent: Plain) -> str | None:
+            nested = dict.fromkeys(filled, sent)
+            return interfaces.value_problem(binding.kind, binding.type, SENT[binding.kind], nested)
+
+        unfit = problem(plain(value))
+        if unfit:
+            items = node.items if isinstance(node, Sequence) else (node,)
+            words = tuple(item.text for item in items if isinstance(item, Scalar))
+            fits = len(words) == len(items) and problem(words) is None
+            hint = f"write [{', '.join(map(quoted, words))}]" if fits else ""
+            self._reading.error(
+                "wrong-value", node, f"the robot does not take this: {unfit}", hint
+            )
 
     def _skill_outputs(
         self, raw: RawNode, skill: SkillSpec

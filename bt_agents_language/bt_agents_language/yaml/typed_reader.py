@@ -11,6 +11,7 @@ from copy import copy
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from traceback import walk_tb
 from types import TracebackType
@@ -271,10 +272,10 @@ class TypedReader:
             # A misspelled key is not missing, and is read as the intended one.
             meant = nearest(word, [key for key in known if key not in nodes])
             above = _left_empty(node, entry, nodes)
-            cut = _cut_by_comma(node, entry)
             hint = did_you_mean(word, known)
-            if cut is not None:
-                hint = f"a comma ends a text: put the whole text after '{cut}:' in quotes"
+            place = node.entries.index(entry)
+            if cut := _comma_hint(node.entries[place - 1] if place else None, entry):
+                hint = cut
             elif word in beside:
                 hint = f"'{word}' stands beside {what}, not in it"
             elif meant is not None:
@@ -467,9 +468,21 @@ class TypedReader:
         return ()
 
     def entries(self, node: Node, what: str, of: str) -> tuple[MappingEntry, ...]:
-        """Return the entries of a mapping; none if it is not a mapping."""
+        """Return the entries of a mapping; none if it is not a mapping.
+
+        The rest of a number that a comma cuts, as in {a: 2,5}, is reported and left out.
+        """
         if isinstance(node, Mapping):
-            return node.entries
+            found = []
+            for before, entry in pairwise((None, *node.entries)):
+                assert entry is not None
+                hint = _comma_hint(before, entry)
+                if hint and entry.key.text[:1].isdecimal():
+                    message = f"{what}: {quote(entry.key.text)} has no value"
+                    self.error("missing-value", entry.key, message, hint)
+                else:
+                    found.append(entry)
+            return tuple(found)
         self.wrong_type(node, what, f"a mapping of {of}", Shape.MAPPING)
         return ()
 
@@ -684,20 +697,24 @@ def _as_quantity(entry: MappingEntry) -> str:
     return f"write {amount} {DIMENSIONS[found].meant(entry.key.text)}" if found else ""
 
 
-def _cut_by_comma(node: Mapping, entry: MappingEntry) -> str | None:
-    """Return the key before an entry that seems to be the rest of its text, as in {a: b, c}."""
-    place = node.entries.index(entry)
-    before = node.entries[place - 1] if place else None
+def _comma_hint(before: MappingEntry | None, entry: MappingEntry) -> str:
+    """Return a hint for an entry that seems to be the rest of the value before; else empty.
+
+    It is in {a: 2,5} and {a: b, c}.
+    """
     if (
         before is None
         or not _without_value(entry)
         or ":" in entry.key.source.text[entry.key.end :][:1]
     ):
-        return None
-    value = before.value
+        return ""
+    value, rest = before.value, entry.key.text
     between = entry.key.source.text[value.end : entry.key.start]
-    cut = isinstance(value, Scalar) and value.plain and not value.empty and between.strip() == ","
-    return before.key.text if cut else None
+    if not isinstance(value, Scalar) or not value.plain or value.empty or between.strip() != ",":
+        return ""
+    if between == "," and rest[:1].isdecimal() and value.text.lstrip("+-").isdecimal():
+        return f"use a point: {value.text}.{ellipsize(rest)}"
+    return f"a comma ends a text: put the whole text after '{before.key.text}:' in quotes"
 
 
 def _left_empty(node: Mapping, entry: MappingEntry, known: Collection[str]) -> str | None:

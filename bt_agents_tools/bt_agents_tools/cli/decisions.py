@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_core.stop_cause import StopCause, StoppedBy, stopper
+from bt_agents_core.text import printable
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
 from bt_agents_tools.cli.formatting import code_text, fitted_console, print_line
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table
@@ -132,7 +133,7 @@ def admission_text(observer: Observer) -> tuple[str, str]:
     if answer is None or len(answer.values) != len(names):
         return "", f"{waiting} wait"
     mode, limit = answer.values
-    return mode.string_value, f"{waiting} of {limit.integer_value} wait"
+    return printable(mode.string_value), f"{waiting} of {limit.integer_value} wait"
 
 
 def disagreements(auction: Any) -> str:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import codecs
 import difflib
 import hashlib
 import re
@@ -45,7 +46,8 @@ class FileEdit:
             BtAgentsError: It cannot be written.
         """
         try:
-            write_atomically(self.path, self.after)
+            mark = "\ufeff" if self.path.read_bytes().startswith(codecs.BOM_UTF8) else ""
+            write_atomically(self.path, mark + self.after)
         except OSError as error:
             raise BtAgentsError(
                 f"{self.path} cannot be written: {error.strerror or error}"
@@ -149,7 +151,8 @@ def _edit(trees: Trees, agent: str, tuned: Sequence[ParameterState]) -> FileEdit
 
 def _default(source: Source, parameter: TunableParameter) -> str:
     """Return a default as a file spells it, or formatted if the file leaves it out."""
-    return default_text(source, parameter) or shown_value(parameter, parameter.default)
+    text = default_text(source, parameter)
+    return shown_value(parameter, parameter.default if text is None else text)
 
 
 def _text(path: Path) -> str:

@@ -15,6 +15,7 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_interfaces.msg import Scene, SceneValue
 from bt_agents_ros.messages import header_at
 from bt_agents_tools.client.observer import Observer
+from bt_agents_tools.client.printable_messages import make_printable
 from bt_agents_tools.client.strategies import Strategies, parameter_names, strategies_of
 
 _OF_LAST_SCENE = ("person_id", "place", "persons", "visits", "remembered")
@@ -88,7 +89,7 @@ def strategies(observer: Observer) -> Strategies:
     got = observer.ask("marketplace/get_parameters", names=names)
     if described is None or got is None:
         raise Refused(RefusalCode.NO_ANSWER, _NO_ANSWER)
-    values = [parameter_value_to_python(one) for one in got.values]
+    values = [parameter_value_to_python(make_printable(one)) for one in got.values]
     return strategies_of(infos, described.descriptors, values)
 
 

@@ -8,10 +8,11 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
+from rcl_interfaces.srv import GetParameters
 from rosidl_parser.definition import AbstractGenericString, AbstractNestedType, NamespacedType
 
 from bt_agents_core.text import printable, printable_lines
-from bt_agents_interfaces.msg import Auction
+from bt_agents_interfaces.msg import Auction, TunableInfo
 from bt_agents_interfaces.srv import ManageProfiles, ReloadAgents
 
 _OF_SEVERAL_LINES = {
@@ -21,13 +22,17 @@ _OF_SEVERAL_LINES = {
 }
 """Type of a message → its field that may have several lines; all other texts have one."""
 
+_EXACT = {TunableInfo: "default_value", GetParameters.Response: "values"}
+"""Type of a message → its field that is compared and written to files, and so stays as it is."""
+
 _Convert = Callable[[Any], Any]
 
 
 def make_printable(message: Any) -> Any:
-    """Return a ROS message with :func:`printable` applied to every text in it, also in lists.
+    """Return a ROS message with :func:`printable` applied to the texts in it, also in lists.
 
-    It changes the message itself, and only texts that are not printable.
+    Values of parameters stay as they are: who shows one makes it printable. It changes the
+    message itself, and only texts that are not printable.
     """
     kind: Any = type(message)
     convert = _converter(kind)
@@ -41,7 +46,7 @@ def _converter(kind: type[Any]) -> _Convert | None:
     for name, slot in zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True):
         of_text = printable_lines if _OF_SEVERAL_LINES.get(kind) == name else printable
         convert = _of_slot(slot, of_text)
-        if convert is not None:
+        if convert is not None and _EXACT.get(kind) != name:
             fields.append((name, convert))
     if not fields:
         return None

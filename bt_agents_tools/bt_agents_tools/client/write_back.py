@@ -14,6 +14,7 @@ from bt_agents.host.tuning.tunable import (
     TunableParameter,
     parameters_of,
     profile_values,
+    shown_value,
 )
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.refusal_codes import RefusalCode
@@ -79,8 +80,9 @@ def _check_unchanged(source: Source, tuned: ParameterState, here: TunableParamet
     if here.default != robot.default:
         raise Refused(
             RefusalCode.CHANGED_MEANWHILE,
-            f"{source.file} says {here.format(here.default)} for {robot.name}, but the robot has "
-            f"read {robot.format(robot.default)} there: the file has changed meanwhile; "
+            f"{source.file} says {shown_value(here, here.default)} for {robot.name}, but the "
+            f"robot has read {shown_value(robot, robot.default)} there: the file has changed "
+            "meanwhile; "
             "'bt-agents reload' brings the robot up to date",
         )
 
@@ -131,10 +133,10 @@ def _texts(source: Source, value: Setting, parameter: TunableParameter) -> Itera
         yield f"{source.text[:start]}{quoted(value)}{source.text[end:]}"
 
 
-def default_text(source: Source, parameter: TunableParameter) -> str:
-    """Return the default of a parameter as a file spells it; empty if it is left out."""
+def default_text(source: Source, parameter: TunableParameter) -> str | None:
+    """Return the default of a parameter as a file spells it; None if it is left out."""
     node = _default_node(read_yaml(source, Diagnostics(None)), parameter)
-    return node.text if node is not None else ""
+    return node.text if node is not None else None
 
 
 def _default_node(root: Node | None, parameter: TunableParameter) -> Scalar | None:

@@ -173,7 +173,7 @@ def value_text(value: Plain) -> str:
 
 def ending(rehearsed: Rehearsed) -> str:
     """Return the end of a rehearsal as a short text."""
-    if not rehearsed.ticks:
+    if rehearsed.outcome is None and not rehearsed.ticks:
         return "does not bid"
     outcome = rehearsed.outcome.value if rehearsed.outcome is not None else "did not end"
     return f"{outcome} after {time_text(rehearsed.duration_s)}, {rehearsed.ticks} ticks"

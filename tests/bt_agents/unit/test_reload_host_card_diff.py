@@ -97,7 +97,7 @@ def test_card_change_is_described_in_one_line(before: Any, now: Any, words: list
 @pytest.mark.parametrize(
     ("problems", "words"),
     [
-        ((SKILLS, replace(SKILLS, message="another")), "t/skills/r.yaml is good again"),
+        ((SKILLS, replace(SKILLS, message="another")), "t/skills/r.yaml: its problems are gone"),
         ((SCENE,), "no longer: scene.yaml has changed"),
         ((TAKEN,), "no longer: bob: already registered"),
     ],

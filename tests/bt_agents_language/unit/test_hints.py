@@ -245,6 +245,14 @@ def test_unknown_member_lists_its_group():
     assert of_condition("mood.rise > 3") == ["did you mean 'mood.change'?"]
 
 
+def test_comma_in_number_gets_the_number_with_point():
+    tunables = "tunables: {a: {default: 8,5 s, min: 2 s, max: 9 s}}\n"
+    assert hints(tunables + "tree: {say: {text: Hello., rate: 0,9}}\n") == [
+        "use a point: 8.5 s",
+        "use a point: 0.9",
+    ]
+
+
 def test_unquoted_reference_in_braces_hides_no_errors():
     found = problems(
         "tree:\n  sequence:\n    - {ask: {text: Hello ${name}, choices: [a, b]}}\n"
@@ -260,6 +268,7 @@ def test_unquoted_reference_in_braces_hides_no_errors():
     [
         ("upset", "write 1, which scene.yaml calls so"),
         ("three", "write 3"),
+        ("3,5", "use a point: 3.5"),
         ("3-5", "write one value, such as 4"),
         ("between 3 and 5", "write one value, such as 4"),
         ("[3, 5]", "write one value, without [ ] or '- '"),

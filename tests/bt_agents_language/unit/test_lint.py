@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from bt_agents_language.tools.lint import cut_texts, lint
@@ -306,3 +308,9 @@ def test_unquoted_text_split_by_comma_is_warned_about(texts, cut):
     assert [one.code for one in found] == ["cut-text"] * cut
     if cut:
         assert found[0].hint == 'put quotes around the whole text: "Schön, dass Sie da sind."'
+
+
+def test_brackets_cost_linear_time():
+    begin = time.process_time()
+    assert [*cut_texts(Source("a.yaml", "tree: " + "[" * 200_000))] == []
+    assert time.process_time() - begin < 10.0

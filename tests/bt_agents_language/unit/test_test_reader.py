@@ -145,7 +145,7 @@ def test_case_holds_positioned_expectations() -> None:
         ("answers: {tree/8.ask: yes}", "[unknown-path]: no node of the agent that uses a skill"),
         ("answers: {ask: '${answer}'}", "[unknown-name]"),
         ("tunables: {patients: 3 s}", "[unknown-name]: the agent has no tunable 'patients'"),
-        ("tunables: {patience: 1 h}", "[out-of-range]: 'patience' is 3600, expected 2 to 30"),
+        ("tunables: {patience: 1 h}", "[out-of-range]: 'patience' is 1 h, expected 2 s to 30 s"),
         ("scene: {age: 9}", "[out-of-range]"),
         ("scene: {agee: 4}", "[unknown-name]: there is no scene parameter 'agee'"),
         ("seed: -1", "[out-of-range]"),

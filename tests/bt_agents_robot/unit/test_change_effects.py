@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.specs import SceneChange
-from bt_agents_robot.change_effects import EFFECT_S, ChangeEffects, unmade_text
+from bt_agents_language.model.specs import SceneChange, Visit
+from bt_agents_robot.change_effects import EFFECT_S, ChangeEffects, unmade_text, unmeasured_text
 
 FALL = SceneChange(after_s=3.0, values={"mood": 1.5})
 
@@ -33,6 +33,14 @@ def test_change_that_does_not_show_is_named_once():
         "Mrs Smith: mood 1.5 after 3 s had no effect: the live scene has not shown it within 2 s"
     ]
     assert not found.pending
+
+
+def test_value_that_nothing_measures_is_named():
+    visit = Visit(label="Mrs Smith", person=True, values={"age": 4.0, "mood": 1.0})
+    assert unmeasured_text(visit, ["mood", "age"], "") == ""
+    assert unmeasured_text(visit, ["age"], "Frau Müller") == (
+        "Mrs Smith: mood had no effect: no source of scene.yaml can measure it of 'Frau Müller'"
+    )
 
 
 def test_change_during_stall_may_show_afterwards():

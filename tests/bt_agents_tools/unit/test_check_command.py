@@ -101,6 +101,23 @@ def test_unknown_values_of_a_preset_are_warnings(trees):
     ]
 
 
+def test_values_of_a_preset_are_possible_ones(trees):
+    tunable = "tunables: {x: {default: 8 s, min: 2 s, max: 30 s, step: 2 s}}\n"
+    write("agents/one.yaml", GOOD.format("one") + tunable)
+    for number, value in enumerate(("2,5 s", "99 s", "7 s", "8 s")):
+        text = f"format: 1\npreset: p{number}\nvalues: {{one: {{x: '{value}'}}}}\n"
+        write(f"presets/p{number}.yaml", text)
+    write("presets/cut.yaml", "format: 1\npreset: c\nvalues: {one: {x: 2,5 s}}\n")
+    write("presets/rate.yaml", "format: 1\npreset: r\nvalues: {one: {learning_rate: 2}}\n")
+    assert [one for one in found() if "presets" in one] == [
+        "trees/presets/cut.yaml:3 missing-value",
+        "trees/presets/p0.yaml:3 bad-duration",
+        "trees/presets/p1.yaml:3 out-of-range",
+        "trees/presets/p2.yaml:3 off-step",
+        "trees/presets/rate.yaml:3 out-of-range",
+    ]
+
+
 def test_path_accepts_file_or_folder_below_trees_folder(trees):
     write("agents/two.yaml", BROKEN.format("two"))
     write("agents/three.yaml", WARNED.format("three"))

@@ -132,6 +132,7 @@ def test_profile_values_are_found_by_agent() -> None:
     ("named", "code"),
     [
         ([("a.profile.age", "old")], "NOT_A_VALUE: a.profile.age: "),
+        ([("a.profile.age", "4,2")], "found '4,2'; use a point: 4.2"),
         ([("a.profile.age", "nan")], "NOT_A_VALUE: a.profile.age: "),
         ([("a.profile.age", "1"), ("a.profile.age", "1")], "DUPLICATE: a.profile.age stands"),
     ],

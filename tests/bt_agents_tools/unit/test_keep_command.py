@@ -3,17 +3,24 @@
 
 from __future__ import annotations
 
+import codecs
 import shutil
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import GetParameters
 
+from bt_agents.host.tuning.tunable import parameters_of
+from bt_agents.host.tuning.tune_service import info_from_msg, info_to_msg
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.commands import keep as keeping
-from bt_agents_tools.client.file_edits import FileEdit, compare_tests
+from bt_agents_tools.client.file_edits import FileEdit, compare_tests, edits_of
+from bt_agents_tools.client.printable_messages import make_printable
+from bt_agents_tools.client.write_back import ParameterState
 from bt_agents_tools.rehearsal.suite import broken_by, find_tests
 from checkout import ROOT
 
@@ -68,6 +75,28 @@ def test_only_cases_broken_by_change_are_found(trees: Path) -> None:
     compared = compare_tests([edit(trees, AGENT)])
     assert compared.lines == ("tests of waiter: all that pass now would still pass",)
     assert not compared.breaks
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"), [("one\ntwo", "one\\ntwo"), ("", "''")], ids=["two lines", "empty"]
+)
+def test_kept_text_is_the_tuned_one(trees: Path, value: str, shown: str) -> None:
+    path = trees / "agents" / "waiter.yaml"
+    text = AGENT.replace("5 s, min: 1 s, max: 30 s", '"so\u00adfa"').replace("wait:", "say:")
+    path.write_text(f"\ufeff{text}")
+    words = parameters_of(read_agent(path, read_trees(trees).symbols))[0]
+    info = make_printable(info_to_msg(words))
+    assert info.default_value.string_value == "so\u00adfa"
+    answer = GetParameters.Response(values=[ParameterValue(type=4, string_value=value)])
+    [state] = [
+        ParameterState(parameter=info_from_msg(info), value=one.string_value)
+        for one in make_printable(answer).values
+    ]
+    [kept] = edits_of("/agents", trees, [state], profile=False)
+    assert kept.changes == (f"waiter.patience: so\\xadfa → {shown}",)
+    kept.write()
+    assert path.read_bytes().startswith(codecs.BOM_UTF8)
+    assert parameters_of(kept.agent)[0].default == value
 
 
 def test_broken_test_file_is_named(trees: Path) -> None:

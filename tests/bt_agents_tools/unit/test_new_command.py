@@ -47,6 +47,18 @@ def test_copy_gets_new_name_tests_and_imports(here: Path) -> None:
     assert run("test").exit_code == 0
 
 
+def test_copy_of_agent_with_texts_speaks_them(here: Path) -> None:
+    assert run("new", "carrier").exit_code == 0
+    agent = here / "trees/agents/carrier.yaml"
+    agent.write_text(agent.read_text().replace("say: Hello.", "say: ${t.hello}"))
+    (here / "trees/texts").mkdir()
+    (here / "trees/texts/de.yaml").write_text("format: 1\ntexts: {hello: Guten Tag.}\n")
+    with (here / "trees/scene.yaml").open("a") as scene:
+        scene.write("language: de\n")
+    assert run("new", "other", "--like", "carrier").exit_code == 0
+    assert "Guten Tag." in run("show", "other").stdout
+
+
 def test_starting_point_must_be_unique_and_exist() -> None:
     for words, found in (
         (("--like", "attentive_guide", "--pattern", "small_talk"), "give one of them"),

@@ -189,6 +189,12 @@ def test_event_can_be_entered_at_any_question(typed: str) -> None:
     assert "is none of the choices" not in output
 
 
+def test_cancel_before_first_tick_is_its_end() -> None:
+    assert rehearse("attentive_guide", "--at", "cancel").output.endswith(
+        "cancelled after 0.0 s, 0 ticks\n"
+    )
+
+
 def test_button_can_be_pressed_during_limited_wait() -> None:
     result = rehearse(
         "large_print", "-i", "--scene", "age=5", typed="8s buttons/confirm data=true\n\n"

@@ -100,6 +100,15 @@ def test_demo_uses_installed_trees_by_default(run: Run, monkeypatch: pytest.Monk
     assert taken == [TREES.resolve(), TREES.resolve(), here, here]
 
 
+def test_demo_with_script_takes_all_agents(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[str] = []
+    monkeypatch.setattr(demo, "Interrupt", lambda: None)
+    monkeypatch.setattr(demo, "run_system", lambda *given: taken.append(given[3]))
+    for words in ((), ("--script", "mine.yaml"), ("--script", "mine.yaml", "--tags", "ward")):
+        run("demo", *words)
+    assert taken == ["airport", "", "ward"]
+
+
 def learn(trees: Path, age: float) -> Path:
     kept = claim_state(trees)
     with Ledger(kept.ledger) as ledger:

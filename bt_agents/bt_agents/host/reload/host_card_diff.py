@@ -124,6 +124,6 @@ def _of_folder(
     own = [problem for agent in before.agents for problem in agent.problems]
     gone = [one for one in before.problems if one not in own and one not in card.problems]
     fixed = {one.file for one in gone} - {one.file for one in (*card.problems, *own)} - {""}
-    texts = [f"{visible(file)} is good again" for file in sorted(fixed)]
+    texts = [f"{visible(file)}: its problems are gone" for file in sorted(fixed)]
     texts += [f"no longer: {problem_text(one)}" for one in gone if not one.file]
     return [*changed, *(CardDifference(text=one) for one in texts)]

@@ -11,7 +11,7 @@ from enum import Enum
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.refusal_codes import RefusalCode
-from bt_agents_core.text import quote
+from bt_agents_core.text import printable, quote
 from bt_agents_language.expression import quantities
 from bt_agents_language.expression.quantities import MAX_DURATION_S, QuantityError, format_quantity
 from bt_agents_language.model.specs import AgentSpec
@@ -197,8 +197,8 @@ def format_value(value: Setting, field_type: FieldType) -> str:
 
 
 def shown_value(parameter: TunableParameter, value: Setting) -> str:
-    """Return a value for people: an empty text as ``''``, else as an author writes it."""
-    return parameter.format(value) or "''"
+    """Return a value for people in one line: an empty text as ``''``, else as authors write it."""
+    return printable(parameter.format(value)) or "''"
 
 
 def same(one: Setting, other: Setting) -> bool:

@@ -38,6 +38,7 @@ from bt_agents_language.files.testing.scenarios import (
     ScriptedEvent,
     VariantRule,
 )
+from bt_agents_language.files.tunable_reader import check_setting
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, SkillSpec
 from bt_agents_language.nodes.catalogue import NODE_TYPES, type_of
 from bt_agents_language.nodes.symbols import SymbolTable
@@ -387,14 +388,10 @@ class ScenarioReader:
                 continue
             what = f"'{tunable.name}'"
             value = self.plain(entry.value, tunable.type, what)
-            if value is None or (
-                isinstance(value, int | float)
-                and not self._reading.in_range(
-                    entry.value, what, value, tunable.minimum, tunable.maximum
-                )
+            if value is not None and check_setting(
+                self._reading, entry.value, what, value, tunable
             ):
-                continue
-            values[tunable.name] = value
+                values[tunable.name] = value
         return values
 
     def _rule(self, entry: MappingEntry) -> AnswerRule | None:

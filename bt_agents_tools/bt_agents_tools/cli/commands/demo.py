@@ -34,14 +34,14 @@ _MORNING = Path("scripts") / "airport_morning.yaml"
     type=click.Path(path_type=Path),
     help="Script of visits, instead of the morning at the airport.",
 )
-@click.option("--tags", default="airport", show_default=True, help="Agents with these tags.")
+@click.option("--tags", help="Agents with these tags.  [default: airport; with --script, all]")
 @click.option("--browser", is_flag=True, help="Be the visitor yourself, in a browser.")
 @one_process_option
 @journal_option
 def demo(
     voice: bool,
     script: Path | None,
-    tags: str,
+    tags: str | None,
     browser: bool,
     one_process: bool,
     journal: str | None,
@@ -58,6 +58,8 @@ def demo(
         os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
     trees = _folder(script)
     say_trees(trees)
+    if tags is None:
+        tags = "" if script else "airport"
     script = script or trees / _MORNING
     with tempfile.TemporaryDirectory(prefix="bt-agents-demo-") as folder:
         state = find_state(trees)

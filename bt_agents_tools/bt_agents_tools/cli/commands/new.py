@@ -17,6 +17,7 @@ from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import SUFFIXES, Trees, read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.testing.scenarios import Scenario
+from bt_agents_language.files.texts_reader import FolderTexts
 from bt_agents_language.reference.node_pages import node_page
 from bt_agents_language.tools.schema.folder import folder_symbols
 from bt_agents_language.tools.templates.agent_copies import pattern_file, renamed, tests_beside
@@ -214,7 +215,9 @@ def _origin(like: str, of_pattern: str, trees: Trees) -> tuple[Trees, Path]:
 
 def _copies(name: str, origin: Trees, file: Path, directory: Path) -> tuple[str, str]:
     """Return the texts of an agent and its tests under another name; copy its imports."""
-    read = read_agent_file(file, FolderLibraries(origin.folder, origin.symbols))
+    texts_there = FolderTexts(origin.folder, origin.language)
+    libraries = FolderLibraries(origin.folder, origin.symbols, texts=texts_there)
+    read = read_agent_file(file, libraries)
     if read.agent is None or read.text is None:
         raise BtAgentsError(str(read.error))
     for path in sorted(read.imports):

@@ -17,6 +17,7 @@ from bt_agents.host.tuning.change_log import read_history
 from bt_agents.host.tuning.tunable import TICK_RATE
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.text import printable
 from bt_agents_language.expression.quantities import QuantityError, number
 from bt_agents_tools.cli.connection import NoSystemError, accepted, connect, find_host, find_hosts
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
@@ -152,7 +153,8 @@ def _profiles(named: Iterable[tuple[str, str]]) -> dict[str, dict[str, float]]:
         try:
             values[match["parameter"]] = number(text)
         except QuantityError as error:
-            raise Refused(RefusalCode.NOT_A_VALUE, f"{name}: {error.message}") from None
+            hint = f"; {error.hint}" if error.hint else ""
+            raise Refused(RefusalCode.NOT_A_VALUE, f"{name}: {error.message}{hint}") from None
     return found
 
 
@@ -218,9 +220,9 @@ def _show(observer: Observer, agent: str, form: TableForm) -> None:
     if form.for_program:
         keys = ("host", "agent", "name", "value", "default", "minimum", "maximum", "description")
         rows = [
-            (host, of.agent, of.name, value, of.default, of.minimum, of.maximum, of.description)
+            (host, of.agent, of.name, *map(_exact, values), of.minimum, of.maximum, of.description)
             for host, found in states.items()
-            for of, value in ((state.parameter, state.value) for state in found)
+            for of, values in ((o.parameter, (o.value, o.parameter.default)) for o in found)
         ]
         print_table([Column(key=key) for key in keys], rows, form)
         return
@@ -230,6 +232,10 @@ def _show(observer: Observer, agent: str, form: TableForm) -> None:
     for found in states.values():
         for line in table(found, width):
             click.echo(line)
+
+
+def _exact(value: Any) -> Any:
+    return printable(value) if isinstance(value, str) else value
 
 
 _HISTORY = (
