@@ -119,7 +119,9 @@ def test_unreadable_ros_argument_is_one_error() -> None:
         "raise SystemExit(run(None, ['--ros-args', '--params-file', '/nowhere.yaml']))"
     )
     assert lines[0] == 1
-    assert "error: ROS cannot start: failed to initialize rcl: Couldn't parse params file" in lines[1]
+    assert (
+        "error: ROS cannot start: failed to initialize rcl: Couldn't parse params file" in lines[1]
+    )
     assert "Traceback" not in lines[1]
 
 
