@@ -119,7 +119,7 @@ class JournalWorker:
         return RecordedAnswer(text=text, is_failure=kind == _FAILURE, is_whole=kind != _PART)
 
     async def _end(self) -> None:
-        process, self._process = self._process, None
+        process = self._process
         if process is None:
             return
         if process.returncode is None:
@@ -127,6 +127,8 @@ class JournalWorker:
         with suppress(TimeoutError):
             async with asyncio.timeout(_END_S):
                 await process.wait()
+        # Only now, so that "close" also waits while a cancelled request ends the process.
+        self._process = None
 
 
 def main() -> None:

@@ -32,6 +32,7 @@ from bt_agents_lab.replay.replay_learning import replay_feedback
 from bt_agents_studio.recordings import Recordings
 from bt_agents_studio.studio import Studio
 from bt_agents_tools.cli.main import bt_agents
+from command_results import split_runner
 from journal_fixture import JournaledSystem, PublishedMessage
 from studio_harness import SPACE
 
@@ -76,8 +77,8 @@ def test_every_journal_command_reads_bags(journaled: JournaledSystem, tmp_path: 
     assert len((tmp_path / "rounds.csv").read_text().splitlines()) == 1 + 4 + 8 + 4
     outlook = CliRunner().invoke(what_if, [str(bag), "--learning-rate", "0.5"])
     assert "4 rounds" in outlook.output
-    reasons = CliRunner().invoke(bt_agents, ["why", "--journal", str(bag), "4"])
-    assert reasons.output.startswith("round 4: bert")
+    reasons = split_runner().invoke(bt_agents, ["why", "--journal", str(bag), "4"])
+    assert reasons.stdout.startswith("round 4: bert")
 
 
 def test_messages_of_two_recorders_are_read_once(journaled: JournaledSystem, bag: Path) -> None:
