@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
+from urllib.parse import urljoin
 
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
@@ -426,6 +427,15 @@ def test_link_to_missing_recording_shows_the_present(page: Page) -> None:
     expect(page.locator(".timeline .shared-failure")).to_contain_text("missing.mcap")
     expect(page).to_have_url(re.compile(r"/live$"))
     expect(page.locator("[role=treeitem]").first).to_be_visible()
+
+
+def test_missing_agent_and_round_are_named(page: Page, running: BackgroundStudio) -> None:
+    running.put("parts", "marketplace", studio_entries.part())
+    running.put("rounds", "market/1", held_round(1))
+    page.goto(urljoin(page.url, "/live?agent=nobody"))
+    expect(page.locator("main")).to_contain_text("There is no agent of this name.")
+    page.goto(urljoin(page.url, "/market?round=999"))
+    expect(page.locator("main")).to_contain_text("This round is no longer kept.")
 
 
 def test_unknown_path_leads_to_live(page: Page) -> None:

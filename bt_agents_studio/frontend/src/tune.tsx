@@ -6,7 +6,7 @@ import { author, AuthorField } from "./author";
 import { operate, useConnection, type Answer } from "./connection";
 import { Divider } from "./divider";
 import { Empty } from "./empty";
-import { NumberField, NumberPair, scaleOf, Slider, useDraft, useNewest, useSliding } from "./fields";
+import { NumberField, NumberPair, scaleOf, Slider, useDraft, useNewest, useSliding, type Settled } from "./fields";
 import fieldCss from "./fields.module.css";
 import { exactNumber, formatNumber, formatTime } from "./formatting";
 import { go, useAddress } from "./navigation";
@@ -194,6 +194,7 @@ function Control({ tunable, latest, revision }: ControlProps) {
     offerUndo({
       topic: tunable.name,
       from: current,
+      to: value,
       text: (from) => `${tunable.name}: ${written(tunable, from)} → ${written(tunable, value)}`,
       takeBack: (from) => operate("tune", fields(from, revision)),
     });
@@ -323,10 +324,11 @@ function Profile({ agent }: { agent: AgentRecord }) {
     source: "tuning",
     reason: words.tunedBy,
   });
-  const set = async (name: string, value: number, drop: () => void): Promise<boolean> => {
+  const set = async (name: string, value: number, { drop, write }: Settled): Promise<boolean> => {
     const before = agent.current[name] ?? null;
     const done = await give.ask(fields(name, value));
     if (!done?.accepted) {
+      if (done !== null && isUnheard(done)) write(exactNumber(value));
       drop();
       return false;
     }
@@ -334,6 +336,7 @@ function Profile({ agent }: { agent: AgentRecord }) {
     offerUndo({
       topic: `profile ${agent.name} ${name}`,
       from: exact(before),
+      to: exact(value),
       text: (from) => `${agent.name}: ${name} ${from} → ${exact(value)}`,
       takeBack: (from) => operate("feedback", { ...fields(name, Number(from)), expected: vector(name, value) }),
     });
@@ -346,6 +349,7 @@ function Profile({ agent }: { agent: AgentRecord }) {
       offerUndo({
         topic: `profile ${agent.name}`,
         from: "",
+        to: "",
         text: () => done.message,
         takeBack: () => {
           const expected = names.map((name) => agent.profile[name] ?? null);
@@ -371,7 +375,8 @@ function Profile({ agent }: { agent: AgentRecord }) {
               value={value ?? 0}
               mark={inFile ?? undefined}
               disabled={give.whyNot !== ""}
-              set={(next, drop) => newest.push(name, () => set(name, next, drop))}
+              isSent
+              set={(next, settled) => newest.push(name, () => set(name, next, settled))}
             />
             <small className={fieldCss.range}>
               {words.default} {exact(inFile)}
@@ -447,6 +452,11 @@ function History({ host, record }: HistoryProps) {
   const [name, setName] = useState("");
   const ask = (action: "UNDO" | "REDO" | "SAVE", preset = ""): Promise<Answer | null> =>
     tune.ask({ host, action, preset, author: author() });
+  const save = async (): Promise<void> => {
+    const done = await ask("SAVE", name);
+    if (done?.accepted) setName("");
+  };
+  const isTaken = record.presets.some((one) => one.name === name.trim());
   return (
     <section className={shared.panel} aria-label={words.history}>
       <h2>
@@ -470,13 +480,18 @@ function History({ host, record }: HistoryProps) {
         className={shared.bar}
         onSubmit={(event) => {
           event.preventDefault();
-          void ask("SAVE", name).then((done) => done?.accepted && setName(""));
+          void save();
         }}
       >
         <input aria-label={words.save} value={name} onChange={(event) => setName(event.target.value)} />
-        <OperationButton of={tune} disabled={name === ""}>
+        <OperationButton of={tune} disabled={name === "" || isTaken}>
           {words.save}
         </OperationButton>
+        {isTaken && (
+          <OperationButton of={tune} ask={save}>
+            {words.replace}
+          </OperationButton>
+        )}
       </form>
       <ol className={shared.lines} tabIndex={0}>
         {[...record.tunings].reverse().map((one) => (
@@ -519,6 +534,7 @@ function Preset({ host, preset, tune }: PresetProps) {
     offerUndo({
       topic: `preset ${host} ${preset.name}`,
       from: "",
+      to: "",
       text: () => done.message,
       takeBack: () => operate("tune", { ...before, compare: true, seen: done.revision ?? 0 }),
     });

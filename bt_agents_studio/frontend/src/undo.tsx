@@ -14,6 +14,7 @@ interface Change {
   topic: string;
   /** Its value before. */
   from: string;
+  to: string;
   /** The change in words. */
   text: (from: string) => string;
   /** Restore the previous value. */
@@ -21,6 +22,8 @@ interface Change {
 }
 
 let newest: Change | null = null;
+/** Its values by changes of this tab, and the one before; another value is somebody else's. */
+let own = new Set<string>();
 const listeners = new Set<() => void>();
 
 function show(change: Change | null): void {
@@ -30,7 +33,9 @@ function show(change: Change | null): void {
 
 /** Offer to undo a change that the system has accepted. */
 export function offerUndo(change: Change): void {
-  show(newest?.topic === change.topic ? { ...change, from: newest.from } : change);
+  const before = newest?.topic === change.topic && own.has(change.from) ? newest : null;
+  own = new Set([...(before ? own : [change.from]), change.to]);
+  show({ ...change, from: before?.from ?? change.from });
 }
 
 export function Undo() {
