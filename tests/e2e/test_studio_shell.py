@@ -230,6 +230,11 @@ def test_refused_stop_is_told_in_words(page: Page, running: BackgroundStudio) ->
     page.context.set_offline(True)
     strip(page).get_by_role("button", name="Stop").click()
     expect(told).to_contain_text("Not stopped: the system does not answer.")
+    page.context.set_offline(False)
+    page.context.clear_cookies()
+    strip(page).get_by_role("button", name="Stop").click()
+    expect(told).to_contain_text("open the address")
+    expect(told).to_contain_text("Not stopped")
 
 
 STALE = re.compile(r"stale since \d\d:\d\d:\d\d, trying again …")

@@ -65,9 +65,6 @@ export function Person() {
             <Question question={question} report={report} />
           </PanelBoundary>
         )}
-        <p role="status" className={css.told}>
-          {answer}
-        </p>
         <div className={css.panels}>
           <PanelBoundary label={words.who}>
             <WhoYouAre
@@ -87,8 +84,11 @@ export function Person() {
             </PanelBoundary>
           </div>
         </div>
+        <p role="status" className={css.told}>
+          {answer}
+        </p>
       </div>
-      <Stop />
+      <Stop key={encounter} />
     </div>
   );
 }
@@ -185,7 +185,7 @@ function Question({ question, report }: QuestionProps) {
     const pressed = (event: KeyboardEvent): void => {
       const choice = choices[Number(event.key) - 1];
       const writes = event.target instanceof HTMLInputElement && event.target.type === "text";
-      if (choice === undefined || writes || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (choice === undefined || writes || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
       void give(choice);
     };
@@ -398,8 +398,11 @@ function WhoYouAre({ parameters, report, begun }: ParametersProps & { begun: () 
     tell(done, words.begun);
     if (done?.accepted) begun();
   };
-  const leave = async (): Promise<void> =>
-    tell(await scene.ask({ person: "ABSENT", announce: false }), words.gone);
+  const leave = async (): Promise<void> => {
+    const done = await scene.ask({ person: "ABSENT", announce: false });
+    // Nobody to leave: the encounter has ended.
+    tell(done?.code === "NOT_RUNNING" ? { ...done, accepted: true } : done, words.gone);
+  };
   return (
     <section className={`${shared.panel} ${css.who}`} aria-label={words.who}>
       <h2>{words.who}</h2>
