@@ -92,10 +92,13 @@ def test_held_key_answers_only_one_question(tablet: Page, studio: BackgroundStud
     assert [name for name, _ in studio.caller.calls] == ["answer", "feedback/give"]
 
 
-def test_small_screen_shows_reply_to_visitor(tablet: Page) -> None:
+def test_visitor_sees_reply_for_a_while(tablet: Page) -> None:
     tablet.set_viewport_size({"width": 390, "height": 700})
+    tablet.clock.install()
     tablet.get_by_role("button", name="Good").click()
     expect(tablet.get_by_text("Thank you.")).to_be_in_viewport(ratio=1)
+    tablet.clock.fast_forward(16_000)
+    expect(tablet.locator(".person-told")).to_have_text("")
 
 
 def test_next_encounter_forgets_the_last_stop(tablet: Page) -> None:

@@ -16,6 +16,8 @@ import { useStop } from "./stop";
 import { useEntry } from "./store";
 
 const SCAN_MS = 2000;
+/** How long a reply stays on show. */
+const TOLD_MS = 15_000;
 /** Texts for the log and the rounds. */
 const STOPPED = "stopped by the person";
 const VISITOR = "a visitor at the screen";
@@ -34,6 +36,10 @@ export function Person() {
   const [scans, setScans] = useState(false);
   const [encounter, setEncounter] = useState(0);
   const box = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    const timer = window.setTimeout(() => setAnswer(""), TOLD_MS);
+    return () => window.clearTimeout(timer);
+  }, [answer]);
   useVoice(speech, speaks);
   useScan(box, scans, question?.number);
   const report = useCallback((done: Answer, said = words.thanks) => setAnswer(done.accepted ? said : done.message), []);
