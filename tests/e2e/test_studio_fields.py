@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from bt_agents_studio.records import PresetRecord
-from studio_browser import box, enter, open_page, opened_page
+from studio_browser import box, enter, look_back, open_page, opened_page
 from studio_entries import HOST, agent, part, run, tunable, tunings
 from studio_harness import BackgroundStudio, background_studio
 
@@ -141,6 +141,15 @@ def test_change_is_taken_back_from_another_page(page: Page, host: Host) -> None:
     expect(undo(page)).to_be_in_viewport()
     take_back(page)
     assert host.values == ["12 s", "8 s"]
+
+
+def test_no_change_is_undone_while_looking_back(page: Page) -> None:
+    enter(field(page), "12")
+    button = undo(page).get_by_role("button")
+    expect(button).to_have_count(1)
+    look_back(page)
+    expect(undo(page)).to_contain_text("8 s → 12 s")
+    expect(button).to_have_count(0)
 
 
 def test_slider_moves_are_taken_back_together(page: Page, host: Host) -> None:

@@ -113,8 +113,12 @@ def test_visitor_leaves_after_the_run(tablet: Page, studio: BackgroundStudio) ->
     studio.caller.answered = SimpleNamespace(
         accepted=False, code="NOT_RUNNING", message="no agent is running"
     )
+    chosen = tablet.get_by_role("button", name="child", pressed=True)
+    tablet.get_by_role("button", name="child").click()
+    expect(chosen).to_have_count(1)
     tablet.get_by_role("button", name="I am leaving").click()
     expect(tablet.locator(".person-told")).to_have_text("The robot knows that you have left.")
+    expect(chosen).to_have_count(0)
 
 
 def test_session_of_person_is_led_to_its_page(browser: Browser, studio: BackgroundStudio) -> None:

@@ -407,7 +407,9 @@ function WhoYouAre({ parameters, report, begun }: ParametersProps & { begun: () 
   const leave = async (): Promise<void> => {
     const done = await scene.ask({ person: "ABSENT", announce: false });
     // Nobody to leave: the encounter has ended.
-    tell(done?.code === "NOT_RUNNING" ? { ...done, accepted: true } : done, words.gone);
+    const isGone = done?.accepted === true || done?.code === "NOT_RUNNING";
+    tell(done && { ...done, accepted: isGone }, words.gone);
+    if (isGone) setChosen({});
   };
   return (
     <section className={`${shared.panel} ${css.who}`} aria-label={words.who}>

@@ -2,7 +2,7 @@
 // The newest change of this tab, at the foot of every page for a while, with an undo button.
 
 import { useEffect, useState, useSyncExternalStore } from "react";
-import type { Answer } from "./connection";
+import { useConnection, type Answer } from "./connection";
 import { texts } from "./texts";
 import css from "./undo.module.css";
 
@@ -39,6 +39,7 @@ export function offerUndo(change: Change): void {
 }
 
 export function Undo() {
+  const { atS } = useConnection();
   const change = useSyncExternalStore(
     (listener) => {
       listeners.add(listener);
@@ -72,7 +73,7 @@ export function Undo() {
       {change && (
         <p>
           {told ?? change.text(change.from)}{" "}
-          {told === null && (
+          {told === null && atS === null && (
             <button type="button" onClick={() => void undo(change)}>
               {words.undo}
             </button>
