@@ -87,8 +87,9 @@ class Host:
         self.sent.append((time.monotonic(), name, text))
         value = float(text.removesuffix(" s"))
         self.tunables[name] = replace(self.tunables[name], value=value)
-        self._studio.put("tunables", f"{HOST}|{name}", self.tunables[name])
+        # A page that shows the value has received its revision, too.
         self._studio.put("tunings", HOST, tunings(self._revision, *self._presets))
+        self._studio.put("tunables", f"{HOST}|{name}", self.tunables[name])
 
     @property
     def values(self) -> list[str]:

@@ -191,14 +191,6 @@ export function NumberField(props: NumberFieldProps) {
   );
 }
 
-/** What shows after a value has been refused. */
-export interface Settled {
-  /** Show the value in force. */
-  drop: () => void;
-  /** Show a text as typed. */
-  write: (text: string) => void;
-}
-
 interface NumberPairProps {
   /** Id of the slider; the field's id adds a suffix. */
   id: string;
@@ -211,8 +203,8 @@ interface NumberPairProps {
   move?: (value: number) => void;
   /** Whether a typed value is sent at once, so that only Enter sets it. */
   isSent?: boolean;
-  /** Called with the typed or final value. */
-  set?: (value: number, settled: Settled) => void;
+  /** Called with the typed or final value; `drop` shows the value in force again, or keeps this one in the field. */
+  set?: (value: number, drop: (keeps?: boolean) => void) => void;
   press?: () => void;
 }
 
@@ -224,7 +216,10 @@ export function NumberPair(props: NumberPairProps) {
   const isSliding = useRef(false);
   const settle = (next: number): void => {
     isSliding.current = false;
-    set?.(next, { drop: sliding.drop, write: drafting.write });
+    set?.(next, (keeps = false) => {
+      if (keeps) drafting.write(exactNumber(next));
+      sliding.drop();
+    });
   };
   const written = drafting.draft?.text.trim() ?? "";
   const number = Number(written);

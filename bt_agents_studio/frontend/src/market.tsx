@@ -138,7 +138,6 @@ function Agents() {
     offerUndo({
       topic: `${action} ${agent}`,
       from: "",
-      to: "",
       text: () => done.message,
       takeBack: () => operate("operate", { ...before, author: author() }),
     });

@@ -6,7 +6,7 @@ import { author, AuthorField } from "./author";
 import { operate, useConnection, type Answer } from "./connection";
 import { Divider } from "./divider";
 import { Empty } from "./empty";
-import { NumberField, NumberPair, scaleOf, Slider, useDraft, useNewest, useSliding, type Settled } from "./fields";
+import { NumberField, NumberPair, scaleOf, Slider, useDraft, useNewest, useSliding } from "./fields";
 import fieldCss from "./fields.module.css";
 import { exactNumber, formatNumber, formatTime } from "./formatting";
 import { go, useAddress } from "./navigation";
@@ -324,12 +324,11 @@ function Profile({ agent }: { agent: AgentRecord }) {
     source: "tuning",
     reason: words.tunedBy,
   });
-  const set = async (name: string, value: number, { drop, write }: Settled): Promise<boolean> => {
+  const set = async (name: string, value: number, drop: (keeps: boolean) => void): Promise<boolean> => {
     const before = agent.current[name] ?? null;
     const done = await give.ask(fields(name, value));
     if (!done?.accepted) {
-      if (done !== null && isUnheard(done)) write(exactNumber(value));
-      drop();
+      drop(done !== null && isUnheard(done));
       return false;
     }
     if (before === null) return true;
@@ -349,7 +348,6 @@ function Profile({ agent }: { agent: AgentRecord }) {
       offerUndo({
         topic: `profile ${agent.name}`,
         from: "",
-        to: "",
         text: () => done.message,
         takeBack: () => {
           const expected = names.map((name) => agent.profile[name] ?? null);
@@ -376,7 +374,7 @@ function Profile({ agent }: { agent: AgentRecord }) {
               mark={inFile ?? undefined}
               disabled={give.whyNot !== ""}
               isSent
-              set={(next, settled) => newest.push(name, () => set(name, next, settled))}
+              set={(next, drop) => newest.push(name, () => set(name, next, drop))}
             />
             <small className={fieldCss.range}>
               {words.default} {exact(inFile)}
@@ -534,7 +532,6 @@ function Preset({ host, preset, tune }: PresetProps) {
     offerUndo({
       topic: `preset ${host} ${preset.name}`,
       from: "",
-      to: "",
       text: () => done.message,
       takeBack: () => operate("tune", { ...before, compare: true, seen: done.revision ?? 0 }),
     });

@@ -14,7 +14,8 @@ interface Change {
   topic: string;
   /** Its value before. */
   from: string;
-  to: string;
+  /** Its value now, if later changes may join. */
+  to?: string;
   /** The change in words. */
   text: (from: string) => string;
   /** Restore the previous value. */
@@ -34,7 +35,7 @@ function show(change: Change | null): void {
 /** Offer to undo a change that the system has accepted. */
 export function offerUndo(change: Change): void {
   const before = newest?.topic === change.topic && own.has(change.from) ? newest : null;
-  own = new Set([...(before ? own : [change.from]), change.to]);
+  own = new Set([...(before ? own : [change.from]), change.to ?? change.from]);
   show({ ...change, from: before?.from ?? change.from });
 }
 
