@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from bt_agents_studio.records import PresetRecord
-from studio_browser import box, enter, open_page, opened_page
+from studio_browser import box, enter, look_back, open_page, opened_page
 from studio_entries import HOST, agent, part, run, tunable, tunings
 from studio_harness import BackgroundStudio, background_studio
 
@@ -87,8 +87,9 @@ class Host:
         self.sent.append((time.monotonic(), name, text))
         value = float(text.removesuffix(" s"))
         self.tunables[name] = replace(self.tunables[name], value=value)
-        self._studio.put("tunables", f"{HOST}|{name}", self.tunables[name])
+        # A page that shows the value has received its revision, too.
         self._studio.put("tunings", HOST, tunings(self._revision, *self._presets))
+        self._studio.put("tunables", f"{HOST}|{name}", self.tunables[name])
 
     @property
     def values(self) -> list[str]:
@@ -143,6 +144,15 @@ def test_change_is_taken_back_from_another_page(page: Page, host: Host) -> None:
     assert host.values == ["12 s", "8 s"]
 
 
+def test_no_change_is_undone_while_looking_back(page: Page) -> None:
+    enter(field(page), "12")
+    button = undo(page).get_by_role("button")
+    expect(button).to_have_count(1)
+    look_back(page)
+    expect(undo(page)).to_contain_text("8 s → 12 s")
+    expect(button).to_have_count(0)
+
+
 def test_slider_moves_are_taken_back_together(page: Page, host: Host) -> None:
     for end in (0.5, 0.7, 0.9):
         before = undo(page).text_content() or ""
@@ -160,6 +170,17 @@ def test_overtaken_change_is_not_taken_back(page: Page, host: Host) -> None:
     host.set("guide.patience", "3 s")
     take_back(page)
     assert host.values == ["12 s", "3 s"]
+
+
+def test_undo_restores_what_others_have_set(page: Page, host: Host) -> None:
+    enter(field(page), "12")
+    expect(undo(page)).to_contain_text("8 s → 12 s")
+    host.set("guide.patience", "20 s")
+    expect(field(page)).to_have_value("20")
+    enter(field(page), "15")
+    expect(undo(page)).to_contain_text("20 s → 15 s")
+    take_back(page)
+    assert host.values[-1] == "20 s"
 
 
 def test_late_answer_leaves_the_next_change_on_offer(page: Page, host: Host) -> None:
@@ -341,6 +362,32 @@ def test_typed_value_survives_an_absent_studio(page: Page, host: Host) -> None:
     assert host.values == ["11.125 s"]
 
 
+def test_profile_field_is_sent_by_enter_only(page: Page, host: Host) -> None:
+    page.get_by_text("Profile", exact=True).click()
+    typed = page.locator("#profile-guide-age-value")
+    typed.fill("2.5")
+    typed.press("Tab")
+    page.route("**/api/do/*", lambda route: route.abort())
+    typed.press("Enter")
+    expect(page.locator("details details output")).to_have_text("the studio does not answer")
+    expect(typed).to_have_value("2.5")
+    page.unroute("**/api/do/*")
+    assert host.age == AGE
+    typed.press("Enter")
+    expect(undo(page)).to_contain_text("→ 2.5")
+    assert host.age == 2.5
+
+
+def test_text_that_is_no_number_stays(page: Page, host: Host) -> None:
+    open_page(page, "World")
+    typed = page.locator("#world-age-value")
+    typed.fill("2,5")
+    typed.press("Tab")
+    expect(typed).to_have_value("2,5")
+    expect(page.get_by_text("This is not a number")).to_be_visible()
+    assert host.other == []
+
+
 def test_file_value_is_marked_on_track(page: Page) -> None:
     row = page.locator(".fields-row", has=field(page))
     mark = box(row.locator(".fields-fileMark rect"))
@@ -377,6 +424,17 @@ def test_preset_shows_its_changes_and_is_deleted(page: Page, host: Host) -> None
     expect(page.get_by_label("Changes").locator("output")).to_have_text("done")
     [asked] = host.other
     assert (asked["action"], asked["preset"]) == (5, "evening")
+
+
+def test_preset_is_replaced_by_its_own_button(page: Page, host: Host) -> None:
+    panel = page.get_by_label("Changes")
+    name = panel.get_by_label("Save as")
+    enter(name, " evening")
+    expect(panel.get_by_role("button", name="Save as")).to_be_disabled()
+    assert host.other == []
+    panel.get_by_role("button", name="Replace it").click()
+    expect(name).to_have_value("")
+    assert [(one["action"], one["preset"]) for one in host.other] == [(4, " evening")]
 
 
 def test_changes_carry_the_name_of_their_author(page: Page, host: Host) -> None:

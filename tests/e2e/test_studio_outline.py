@@ -171,6 +171,20 @@ def test_search_unfolds_and_shows_row(page: Page, drawing: str, ratio: float) ->
     expect(group).to_have_attribute("aria-expanded", "true")
 
 
+@pytest.mark.parametrize("drawing", ["Outline", "Map"])
+def test_node_chosen_elsewhere_comes_into_view(page: Page, drawing: str) -> None:
+    page.get_by_role("button", name=drawing, exact=True).click()
+    for number in ("50 3", "40 3"):
+        page.keyboard.press("Control+k")
+        field = page.get_by_role("combobox", name="Go to …")
+        field.fill(f"sentence {number}")
+        field.press("Enter")
+        group, leaf = number.split()
+        expect(row(page, f"tree/{group}.sequence/{leaf}.say")).to_be_in_viewport()
+    page.go_back()
+    expect(row(page, "tree/50.sequence/3.say")).to_be_in_viewport()
+
+
 def test_chosen_drawing_is_kept(page: Page) -> None:
     page.get_by_role("button", name="Map", exact=True).click()
     expect(page.locator("svg[role=tree]")).to_be_in_viewport()

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
+from urllib.parse import urljoin
 
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
@@ -229,6 +230,11 @@ def test_refused_stop_is_told_in_words(page: Page, running: BackgroundStudio) ->
     page.context.set_offline(True)
     strip(page).get_by_role("button", name="Stop").click()
     expect(told).to_contain_text("Not stopped: the system does not answer.")
+    page.context.set_offline(False)
+    page.context.clear_cookies()
+    strip(page).get_by_role("button", name="Stop").click()
+    expect(told).to_contain_text("open the address")
+    expect(told).to_contain_text("Not stopped")
 
 
 STALE = re.compile(r"stale since \d\d:\d\d:\d\d, trying again …")
@@ -426,6 +432,15 @@ def test_link_to_missing_recording_shows_the_present(page: Page) -> None:
     expect(page.locator(".timeline .shared-failure")).to_contain_text("missing.mcap")
     expect(page).to_have_url(re.compile(r"/live$"))
     expect(page.locator("[role=treeitem]").first).to_be_visible()
+
+
+def test_missing_agent_and_round_are_named(page: Page, running: BackgroundStudio) -> None:
+    running.put("parts", "marketplace", studio_entries.part())
+    running.put("rounds", "market/1", held_round(1))
+    page.goto(urljoin(page.url, "/live?agent=nobody"))
+    expect(page.locator("main")).to_contain_text("There is no agent of this name.")
+    page.goto(urljoin(page.url, "/market?round=999"))
+    expect(page.locator("main")).to_contain_text("This round is no longer kept.")
 
 
 def test_unknown_path_leads_to_live(page: Page) -> None:

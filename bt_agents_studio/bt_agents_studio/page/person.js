@@ -1,2 +1,2 @@
-const __vite__mapDeps=(i,m=__vite__mapDeps,d=(m.f||(m.f=["person_application.js","react.js","rolldown-runtime.js","stop.js","preload-helper.js","preload-helper.css","stop.css","fields.js","fields.css","person_application.css"])))=>i.map(i=>d[i]);
-import{n as e,t}from"./preload-helper.js";e(()=>t(()=>import(`./person_application.js`),__vite__mapDeps([0,1,2,3,4,5,6,7,8,9])));
+const __vite__mapDeps=(i,m=__vite__mapDeps,d=(m.f||(m.f=["person_application.js","react.js","rolldown-runtime.js","stop.js","preload-helper.js","preload-helper.css","connection.js","stop.css","fields.js","fields.css","person_application.css"])))=>i.map(i=>d[i]);
+import{n as e,t}from"./preload-helper.js";e(()=>t(()=>import(`./person_application.js`),__vite__mapDeps([0,1,2,3,4,5,6,7,8,9,10])));

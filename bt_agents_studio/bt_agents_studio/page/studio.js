@@ -1,2 +1,2 @@
-const __vite__mapDeps=(i,m=__vite__mapDeps,d=(m.f||(m.f=["application.js","rolldown-runtime.js","react.js","stop.js","preload-helper.js","preload-helper.css","stop.css","application.css"])))=>i.map(i=>d[i]);
-import{n as e,t}from"./preload-helper.js";e(()=>t(()=>import(`./application.js`).then(e=>e.t),__vite__mapDeps([0,1,2,3,4,5,6,7])));
+const __vite__mapDeps=(i,m=__vite__mapDeps,d=(m.f||(m.f=["application.js","rolldown-runtime.js","react.js","stop.js","preload-helper.js","preload-helper.css","connection.js","stop.css","application.css"])))=>i.map(i=>d[i]);
+import{n as e,t}from"./preload-helper.js";e(()=>t(()=>import(`./application.js`).then(e=>e.t),__vite__mapDeps([0,1,2,3,4,5,6,7,8])));

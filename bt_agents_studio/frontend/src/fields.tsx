@@ -201,25 +201,33 @@ interface NumberPairProps {
   mark?: number | undefined;
   /** Called with each value during a drag of the slider. */
   move?: (value: number) => void;
-  /** Called with the typed or final value; `drop` shows the value in force again. */
-  set?: (value: number, drop: () => void) => void;
+  /** Whether a typed value is sent at once, so that only Enter sets it. */
+  isSent?: boolean;
+  /** Called with the typed or final value; `drop` shows the value in force again, or keeps this one in the field. */
+  set?: (value: number, drop: (keeps?: boolean) => void) => void;
   press?: () => void;
 }
 
 /** Slider and field of a number, which is sent later, or only when the slider is released. */
-export function NumberPair({ id, name, scale, value, disabled, mark, move, set, press }: NumberPairProps) {
+export function NumberPair(props: NumberPairProps) {
+  const { id, name, scale, value, disabled, mark, isSent = false, move, set, press } = props;
   const sliding = useSliding(value);
   const drafting = useDraft(exactNumber(value));
   const isSliding = useRef(false);
   const settle = (next: number): void => {
     isSliding.current = false;
-    set?.(next, sliding.drop);
+    set?.(next, (keeps = false) => {
+      if (keeps) drafting.write(exactNumber(next));
+      sliding.drop();
+    });
   };
+  const written = drafting.draft?.text.trim() ?? "";
+  const number = Number(written);
+  const isNumber = Number.isFinite(number);
   const commit = (): void => {
-    const written = drafting.draft?.text.trim() ?? "";
-    const number = Number(written);
+    if (!isNumber) return;
     drafting.drop();
-    if (written !== "" && Number.isFinite(number) && number !== value) settle(number);
+    if (written !== "" && number !== value) settle(number);
   };
   return (
     <>
@@ -250,9 +258,14 @@ export function NumberPair({ id, name, scale, value, disabled, mark, move, set, 
         disabled={disabled}
         commit={commit}
         leave={() => {
-          if (!isSliding.current) commit();
+          if (!isSliding.current && !isSent) commit();
         }}
       />
+      {!isNumber && (
+        <small className={css.overtaken} role="alert">
+          {texts.fields.notNumber}
+        </small>
+      )}
     </>
   );
 }
@@ -282,8 +295,8 @@ export function useNewest(): Newest {
       for (let [next] = waiting.current; next !== undefined; [next] = waiting.current) {
         const [name, ask] = next;
         waiting.current.delete(name);
-        const [isTaken] = await Promise.all([ask(), later(PERIOD_MS)]);
-        if (!isTaken) waiting.current.delete(name);
+        const drop = (isTaken: boolean): unknown => isTaken || waiting.current.delete(name);
+        await Promise.all([ask().then(drop), later(PERIOD_MS)]);
       }
       sending.current = null;
       setBusy(false);

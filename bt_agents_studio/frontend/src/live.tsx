@@ -32,6 +32,7 @@ export function Live() {
   const run = useEntry("runs", agent);
   const tree = useEntry("trees", agent);
   const trees = useCollection("trees");
+  const card = useEntry("agents", agent);
   // Bind the node to its agent, so that another run does not replace it.
   const choose = useCallback((node: string) => go({ agent, node }, false), [agent]);
   const [answer, setAnswer] = useState("");
@@ -91,7 +92,7 @@ export function Live() {
             </PanelBoundary>
           </>
         ) : (
-          <Empty>{agent ? texts.live.noTree : texts.live.nobody}</Empty>
+          <Empty>{agent ? (card ? texts.live.noTree : texts.live.noAgent) : texts.live.nobody}</Empty>
         )}
         <PanelBoundary label={texts.live.node}>
           <NodeDetails agent={agent} path={chosen} panel={details} />

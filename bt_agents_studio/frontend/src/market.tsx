@@ -34,10 +34,12 @@ export function Market() {
         <PanelBoundary label={words.rounds}>
           <Rounds shown={key} show={(name) => go({ round: name }, true)} />
         </PanelBoundary>
-        {round && (
+        {round ? (
           <PanelBoundary key={key} label={words.bids}>
             <Round round={round} />
           </PanelBoundary>
+        ) : (
+          rounds.length > 0 && <Empty>{words.gone}</Empty>
         )}
         <PanelBoundary label={words.strategy}>
           <Strategy />

@@ -16,6 +16,8 @@ import { useStop } from "./stop";
 import { useEntry } from "./store";
 
 const SCAN_MS = 2000;
+/** How long a reply stays on show. */
+const TOLD_MS = 15_000;
 /** Texts for the log and the rounds. */
 const STOPPED = "stopped by the person";
 const VISITOR = "a visitor at the screen";
@@ -34,6 +36,10 @@ export function Person() {
   const [scans, setScans] = useState(false);
   const [encounter, setEncounter] = useState(0);
   const box = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    const timer = window.setTimeout(() => setAnswer(""), TOLD_MS);
+    return () => window.clearTimeout(timer);
+  }, [answer]);
   useVoice(speech, speaks);
   useScan(box, scans, question?.number);
   const report = useCallback((done: Answer, said = words.thanks) => setAnswer(done.accepted ? said : done.message), []);
@@ -65,9 +71,6 @@ export function Person() {
             <Question question={question} report={report} />
           </PanelBoundary>
         )}
-        <p role="status" className={css.told}>
-          {answer}
-        </p>
         <div className={css.panels}>
           <PanelBoundary label={words.who}>
             <WhoYouAre
@@ -87,8 +90,11 @@ export function Person() {
             </PanelBoundary>
           </div>
         </div>
+        <p role="status" className={css.told}>
+          {answer}
+        </p>
       </div>
-      <Stop />
+      <Stop key={encounter} />
     </div>
   );
 }
@@ -185,7 +191,7 @@ function Question({ question, report }: QuestionProps) {
     const pressed = (event: KeyboardEvent): void => {
       const choice = choices[Number(event.key) - 1];
       const writes = event.target instanceof HTMLInputElement && event.target.type === "text";
-      if (choice === undefined || writes || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (choice === undefined || writes || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
       void give(choice);
     };
@@ -398,8 +404,13 @@ function WhoYouAre({ parameters, report, begun }: ParametersProps & { begun: () 
     tell(done, words.begun);
     if (done?.accepted) begun();
   };
-  const leave = async (): Promise<void> =>
-    tell(await scene.ask({ person: "ABSENT", announce: false }), words.gone);
+  const leave = async (): Promise<void> => {
+    const done = await scene.ask({ person: "ABSENT", announce: false });
+    // Nobody to leave: the encounter has ended.
+    const isGone = done?.accepted === true || done?.code === "NOT_RUNNING";
+    tell(done && { ...done, accepted: isGone }, words.gone);
+    if (isGone) setChosen({});
+  };
   return (
     <section className={`${shared.panel} ${css.who}`} aria-label={words.who}>
       <h2>{words.who}</h2>

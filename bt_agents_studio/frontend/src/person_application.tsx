@@ -7,7 +7,7 @@ import { startAppearance } from "./appearance";
 import { connect, useConnection } from "./connection";
 import { PanelBoundary } from "./panel_boundary";
 import { Person } from "./person";
-import { language } from "./person_texts";
+import { language, words } from "./person_texts";
 import { Phase } from "./phase";
 import { texts } from "./texts";
 
@@ -41,6 +41,10 @@ function PersonApplication() {
 /** Draw the page and connect it to its studio. */
 export function start(root: HTMLElement): void {
   document.documentElement.lang = language;
+  // Components that all pages share say these.
+  Object.assign(texts.connection, words.connection);
+  const { notConnected, noKey, viewOnly } = words;
+  Object.assign(texts.may, { notConnected, noKey, roles: { view: viewOnly } });
   createRoot(root).render(
     <StrictMode>
       <PersonApplication />

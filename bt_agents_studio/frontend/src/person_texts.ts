@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Texts of the page Person in the languages of its users; the browser chooses one.
 
+import { texts } from "./texts";
+
 const EN = {
   says: "The robot says",
   quiet: "The robot says nothing yet.",
@@ -34,6 +36,10 @@ const EN = {
   stopping: "stopping …",
   stopped: "The robot has stopped.",
   notStopped: "The robot does not answer. Use the switch on the robot.",
+  connection: texts.connection as Record<keyof typeof texts.connection, string>,
+  notConnected: texts.may.notConnected as string,
+  noKey: texts.may.noKey as string,
+  viewOnly: texts.may.roles.view as string,
 };
 
 type Words = typeof EN;
@@ -71,6 +77,19 @@ const DE: Words = {
   stopping: "hält an …",
   stopped: "Der Roboter hat angehalten.",
   notStopped: "Der Roboter antwortet nicht. Benutzen Sie den Schalter am Roboter.",
+  connection: {
+    connecting: "verbindet sich …",
+    open: "verbunden",
+    lost: "das Studio antwortet nicht; neuer Versuch …",
+    stale: "veraltet seit",
+    again: "neuer Versuch …",
+    refused: "Nicht angemeldet. Öffnen Sie die Adresse, die 'bt-agents studio' oder 'bt-agents up' ausgegeben hat.",
+    outdated: "Das Studio wurde aktualisiert.",
+    reload: "Seite neu laden",
+  },
+  notConnected: "Die Seite ist noch nicht verbunden.",
+  noKey: "In diesem Tab können Sie nur zusehen. Öffnen Sie hier die Adresse, die 'bt-agents studio' ausgegeben hat.",
+  viewOnly: "Mit diesem Link können Sie nur zusehen. Öffnen Sie die erste Adresse, die 'bt-agents studio' ausgegeben hat.",
 };
 
 const ES: Words = {
@@ -106,6 +125,19 @@ const ES: Words = {
   stopping: "parando …",
   stopped: "El robot se ha parado.",
   notStopped: "El robot no responde. Use el interruptor del robot.",
+  connection: {
+    connecting: "conectando …",
+    open: "conectado",
+    lost: "el estudio no responde; se intenta de nuevo …",
+    stale: "sin datos desde",
+    again: "se intenta de nuevo …",
+    refused: "Sin sesión. Abra la dirección que ha mostrado 'bt-agents studio' o 'bt-agents up'.",
+    outdated: "El estudio se ha actualizado.",
+    reload: "Recargar la página",
+  },
+  notConnected: "La página aún no está conectada.",
+  noKey: "En esta pestaña solo puede mirar. Abra aquí la dirección que ha mostrado 'bt-agents studio'.",
+  viewOnly: "Con este enlace solo puede mirar. Abra la primera dirección que ha mostrado 'bt-agents studio'.",
 };
 
 const FR: Words = {
@@ -141,6 +173,19 @@ const FR: Words = {
   stopping: "arrêt en cours …",
   stopped: "Le robot s'est arrêté.",
   notStopped: "Le robot ne répond pas. Utilisez son interrupteur.",
+  connection: {
+    connecting: "connexion …",
+    open: "connecté",
+    lost: "le studio ne répond pas ; nouvel essai …",
+    stale: "sans nouvelles depuis",
+    again: "nouvel essai …",
+    refused: "Pas de session. Ouvrez l'adresse que 'bt-agents studio' ou 'bt-agents up' a affichée.",
+    outdated: "Le studio a été mis à jour.",
+    reload: "Recharger la page",
+  },
+  notConnected: "La page n'est pas encore connectée.",
+  noKey: "Cet onglet permet seulement de regarder. Ouvrez ici l'adresse que 'bt-agents studio' a affichée.",
+  viewOnly: "Ce lien permet seulement de regarder. Ouvrez la première adresse que 'bt-agents studio' a affichée.",
 };
 
 const LANGUAGES: Record<string, Words> = { en: EN, de: DE, es: ES, fr: FR };

@@ -3,6 +3,7 @@
 
 import { useCallback, useState } from "react";
 import { operate } from "./connection";
+import { isUnheard } from "./operation";
 import { texts } from "./texts";
 
 const LIMIT_MS = 5000;
@@ -30,9 +31,8 @@ export function useStop(reason: string, words: Words = texts.stop): [StopAnswer,
   const stop = useCallback(() => {
     setAnswer({ isAsked: true, isRefused: false, text: words.stopping });
     void operate("cancel", { reason, by: "OPERATOR" }, LIMIT_MS).then((done) => {
-      const isUnheard = done.code === "NO_STUDIO" || done.code === "NO_ANSWER";
       const said = done.accepted ? (words.stopped ?? done.message) : done.message;
-      const text = isUnheard ? `${words.notStopped} ${done.message}` : said;
+      const text = isUnheard(done) ? `${words.notStopped} ${done.message}` : said;
       setAnswer({ isAsked: false, isRefused: !done.accepted, text });
     });
   }, [reason, words]);

@@ -98,10 +98,12 @@ export const texts = {
   },
   fields: {
     value: "value",
+    notNumber: "This is not a number; write it as in 2.5.",
   },
   live: {
     nobody: "No agent has run yet. Announce a scene: bt-agents trigger age=4.5 mood=2",
     noTree: "The structure of this tree has not arrived yet.",
+    noAgent: "There is no agent of this name.",
     tree: "Tree",
     search: "Search nodes",
     found: "found",
@@ -197,6 +199,7 @@ export const texts = {
   },
   market: {
     none: "There has been no round yet.",
+    gone: "This round is no longer kept.",
     noAgents: "No host has offered an agent yet.",
     rounds: "Rounds",
     bids: "Bids",
@@ -266,6 +269,7 @@ export const texts = {
     inForce: "in force",
     wouldChange: "would change",
     save: "Save as",
+    replace: "Replace it",
     author: "studio",
     yourName: "Your name, as others read it",
     differs: "Only differences from the file",

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Panel of a behaviour tree: its search, and its outline or map.
 
-import { lazy, memo, Suspense, useCallback, useMemo, useRef, useState } from "react";
+import { lazy, memo, Suspense, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { Outline } from "./outline";
 import type { TreeNodeRecord } from "./protocol";
 import shared from "./shared.module.css";
@@ -23,12 +23,13 @@ const NOTHING: ReadonlySet<string> = new Set();
 type TreePanelProps = Pick<DrawingProps, "record" | "tip" | "chosen" | "choose" | "stops" | "toggleStop" | "showDetails">;
 
 export const TreePanel = memo(function TreePanel(props: TreePanelProps) {
-  const { record, tip, chosen, choose } = props;
+  const { record, tip, chosen } = props;
   const [drawing, setDrawing] = useState<Drawing>(localStorage.getItem(KEPT) === "map" ? "map" : "outline");
   const [folded, setFolded] = useState(NOTHING);
   const [search, setSearch] = useState("");
   // The address may name a node.
   const [goal, setGoal] = useState({ path: chosen });
+  const chosenHere = useRef(chosen);
   const searching = useRef<HTMLInputElement>(null);
   const roots = useMemo(() => nest(record), [record]);
   const byPath = useMemo(() => byPathOf(roots), [roots]);
@@ -44,6 +45,19 @@ export const TreePanel = memo(function TreePanel(props: TreePanelProps) {
     });
     setGoal({ path });
   };
+  const choose = useCallback(
+    (path: string): void => {
+      chosenHere.current = path;
+      props.choose(path);
+    },
+    [props.choose],
+  );
+  // The palette and the back button choose nodes, too.
+  useEffect(() => {
+    if (chosen === chosenHere.current) return;
+    chosenHere.current = chosen;
+    if (chosen !== "") goTo(withoutModifier(chosen));
+  }, [chosen]);
   const fold = useCallback((path: string): void => {
     setFolded((before) => {
       const after = new Set(before);
@@ -99,6 +113,7 @@ export const TreePanel = memo(function TreePanel(props: TreePanelProps) {
       <Suspense>
         <Drawn
           {...props}
+          choose={choose}
           tip={withoutModifier(tip)}
           roots={roots}
           byPath={byPath}

@@ -194,6 +194,7 @@ function Control({ tunable, latest, revision }: ControlProps) {
     offerUndo({
       topic: tunable.name,
       from: current,
+      to: value,
       text: (from) => `${tunable.name}: ${written(tunable, from)} → ${written(tunable, value)}`,
       takeBack: (from) => operate("tune", fields(from, revision)),
     });
@@ -323,17 +324,18 @@ function Profile({ agent }: { agent: AgentRecord }) {
     source: "tuning",
     reason: words.tunedBy,
   });
-  const set = async (name: string, value: number, drop: () => void): Promise<boolean> => {
+  const set = async (name: string, value: number, drop: (keeps: boolean) => void): Promise<boolean> => {
     const before = agent.current[name] ?? null;
     const done = await give.ask(fields(name, value));
     if (!done?.accepted) {
-      drop();
+      drop(done !== null && isUnheard(done));
       return false;
     }
     if (before === null) return true;
     offerUndo({
       topic: `profile ${agent.name} ${name}`,
       from: exact(before),
+      to: exact(value),
       text: (from) => `${agent.name}: ${name} ${from} → ${exact(value)}`,
       takeBack: (from) => operate("feedback", { ...fields(name, Number(from)), expected: vector(name, value) }),
     });
@@ -371,6 +373,7 @@ function Profile({ agent }: { agent: AgentRecord }) {
               value={value ?? 0}
               mark={inFile ?? undefined}
               disabled={give.whyNot !== ""}
+              isSent
               set={(next, drop) => newest.push(name, () => set(name, next, drop))}
             />
             <small className={fieldCss.range}>
@@ -447,6 +450,11 @@ function History({ host, record }: HistoryProps) {
   const [name, setName] = useState("");
   const ask = (action: "UNDO" | "REDO" | "SAVE", preset = ""): Promise<Answer | null> =>
     tune.ask({ host, action, preset, author: author() });
+  const save = async (): Promise<void> => {
+    const done = await ask("SAVE", name);
+    if (done?.accepted) setName("");
+  };
+  const isTaken = record.presets.some((one) => one.name === name.trim());
   return (
     <section className={shared.panel} aria-label={words.history}>
       <h2>
@@ -470,13 +478,18 @@ function History({ host, record }: HistoryProps) {
         className={shared.bar}
         onSubmit={(event) => {
           event.preventDefault();
-          void ask("SAVE", name).then((done) => done?.accepted && setName(""));
+          void save();
         }}
       >
         <input aria-label={words.save} value={name} onChange={(event) => setName(event.target.value)} />
-        <OperationButton of={tune} disabled={name === ""}>
+        <OperationButton of={tune} disabled={name === "" || isTaken}>
           {words.save}
         </OperationButton>
+        {isTaken && (
+          <OperationButton of={tune} ask={save}>
+            {words.replace}
+          </OperationButton>
+        )}
       </form>
       <ol className={shared.lines} tabIndex={0}>
         {[...record.tunings].reverse().map((one) => (

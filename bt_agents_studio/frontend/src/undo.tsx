@@ -2,7 +2,7 @@
 // The newest change of this tab, at the foot of every page for a while, with an undo button.
 
 import { useEffect, useState, useSyncExternalStore } from "react";
-import type { Answer } from "./connection";
+import { useConnection, type Answer } from "./connection";
 import { texts } from "./texts";
 import css from "./undo.module.css";
 
@@ -14,6 +14,8 @@ interface Change {
   topic: string;
   /** Its value before. */
   from: string;
+  /** Its value now, if later changes may join. */
+  to?: string;
   /** The change in words. */
   text: (from: string) => string;
   /** Restore the previous value. */
@@ -21,6 +23,8 @@ interface Change {
 }
 
 let newest: Change | null = null;
+/** Its values by changes of this tab, and the one before; another value is somebody else's. */
+let own = new Set<string>();
 const listeners = new Set<() => void>();
 
 function show(change: Change | null): void {
@@ -30,10 +34,13 @@ function show(change: Change | null): void {
 
 /** Offer to undo a change that the system has accepted. */
 export function offerUndo(change: Change): void {
-  show(newest?.topic === change.topic ? { ...change, from: newest.from } : change);
+  const before = newest?.topic === change.topic && own.has(change.from) ? newest : null;
+  own = new Set([...(before ? own : [change.from]), change.to ?? change.from]);
+  show({ ...change, from: before?.from ?? change.from });
 }
 
 export function Undo() {
+  const { atS } = useConnection();
   const change = useSyncExternalStore(
     (listener) => {
       listeners.add(listener);
@@ -67,7 +74,7 @@ export function Undo() {
       {change && (
         <p>
           {told ?? change.text(change.from)}{" "}
-          {told === null && (
+          {told === null && atS === null && (
             <button type="button" onClick={() => void undo(change)}>
               {words.undo}
             </button>
