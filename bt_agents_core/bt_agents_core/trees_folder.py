@@ -107,15 +107,12 @@ def find_experiments(name: str) -> tuple[Path, ...]:
         return (named,)
     if "/" in name:
         raise BtAgentsError(f"'{named}' is no such folder: it has no experiment.yaml")
-    roots = [sorted(root.glob("*/experiment.yaml")) for root in _experiment_roots()]
-    known = [[file.parent for file in files] for files in roots]
-    for is_found in (
-        lambda folder: folder.name == name,
-        lambda folder: folder.name.startswith(f"{name}-"),
-    ):
-        for folders in known:
-            if found := tuple(filter(is_found, folders)):
-                return found
+    files = [sorted(root.glob("*/experiment.yaml")) for root in _experiment_roots()]
+    known = [[file.parent for file in of_root] for of_root in files]
+    exact = [[one for one in folders if one.name == name] for folders in known]
+    parts = [[one for one in folders if one.name.startswith(f"{name}-")] for folders in known]
+    if found := next(filter(None, (*exact, *parts)), None):
+        return tuple(found)
     names = dict.fromkeys(folder.name for folders in known for folder in folders)
     raise BtAgentsError(
         f"no experiment '{name}'; there are {', '.join(names)}, or name a folder that holds an "

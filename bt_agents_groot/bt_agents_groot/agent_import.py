@@ -262,10 +262,8 @@ def _plain_default(declared: ModelPort, names: TreeNames, name: str) -> Data:
 
 
 def _declaration(declared: ModelPort, names: TreeNames, name: str) -> Data:
-    field_type = field_type_of(declared.type)
-    if not declared.value:
-        return _input(field_type)
-    return _input(field_type, _plain_default(declared, names, name))
+    default = _plain_default(declared, names, name) if declared.value else None
+    return _input(field_type_of(declared.type), default)
 
 
 def _input(field_type: FieldType, default: Data | None = None) -> Data:

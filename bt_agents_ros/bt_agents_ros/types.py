@@ -106,11 +106,9 @@ def read_field(message: Any, path: str) -> Any:
     except NoSuchField as error:
         done = error.found.split(".") if error.found else []
         if hasattr(error.value, "get_fields_and_field_types"):
-            fields = error.value.get_fields_and_field_types()
-            raise Refused(
-                RefusalCode.UNKNOWN_FIELD, _no_field_text(error.part, done, fields)
-            ) from None
-        text = _no_subfield_text(error.part, done, is_list(error.value))
+            text = _no_field_text(error.part, done, error.value.get_fields_and_field_types())
+        else:
+            text = _no_subfield_text(error.part, done, is_list(error.value))
         raise Refused(RefusalCode.UNKNOWN_FIELD, text) from None
 
 
@@ -289,9 +287,7 @@ def _plain(value: Any) -> Any:
 
 def _assignments(message: Any, values: Any, path: str) -> Iterable[tuple[Any, str, Any]]:
     """Check all values of one message and return the assignments: owner, field, value."""
-    seconds = _as_seconds(type(message), values, path)
-    if seconds is not None:
-        values = seconds
+    values = _as_seconds(type(message), values, path) or values
     if not isinstance(values, Mapping):
         raise _wrong_type(path, "a mapping of fields", values)
     slots = slots_of(type(message))

@@ -134,10 +134,9 @@ class Persons:
                     raise Refused(
                         RefusalCode.DUPLICATE, f"id of a person: {person!r} stands twice"
                     )
+                found[person] = None
             except Refused as problem:
                 refused = self._refuse(problem)
-                continue
-            found[person] = None
         # Persons who are already tracked take precedence.
         ordered = sorted(found, key=lambda person: person not in self._absent_since)
         if len(ordered) > MOST_PERSONS:

@@ -43,7 +43,7 @@ from bt_agents_language.yaml.field_tables import (
     KeyTable,
     Several,
 )
-from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of, several
 
 SENT = {BindingKind.ACTION: "goal", BindingKind.SERVICE: "request", BindingKind.TOPIC: "message"}
@@ -325,11 +325,9 @@ def _heartbeat(
     type_name = written.read(
         "type", lambda one, _: read_ros_type(reading, one, BindingKind.TOPIC, interfaces)
     )
-    within_s = _limit(reading, written, "within")
+    within_s = _limit(reading, written, "within") or HeartbeatSpec.within_s
     if topic is None or type_name is None:
         return None
-    if within_s is None:
-        return HeartbeatSpec(topic=topic, type=type_name)
     return HeartbeatSpec(topic=topic, type=type_name, within_s=within_s)
 
 
@@ -347,10 +345,10 @@ def _error_code(
 
     code, message = written.read("field", path), written.read("message", path)
     success = written.get("success")
-    read = [reading.number(one, "'success'") for one in several(success)] if success else []
-    if code is None or None in read:
+    codes = several(success) if success is not None else ()
+    known = readable(reading.number(one, "'success'") for one in codes)
+    if code is None or len(known) < len(codes):
         return None
-    known = tuple(one for one in read if one is not None)
     return ErrorCodeSpec(field=code, success=known or (0,), message=message or "")
 
 

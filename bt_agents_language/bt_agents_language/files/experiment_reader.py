@@ -130,13 +130,12 @@ def _feedback(
         vector = _opinion(reading, entry.value, space)
         if agent is not None and vector is not None:
             each[agent] = vector
-    errors_node = fields.get("errors")
     return PreparedFeedback(
         each=each,
         sequences=_sequences(reading, fields, space, each),
         sequence=readable(_opinion(reading, item, space) for item in fields.items("sequence")),
         repeat=bool(fields.boolean("repeat")),
-        errors=None if errors_node is None else _errors(reading, errors_node, space, seed),
+        errors=fields.read("errors", lambda node, _: _errors(reading, node, space, seed)),
     )
 
 
@@ -183,13 +182,12 @@ def _errors(
             "write 'every: 3' for each third, or 'share: 0.05' for five of a hundred by chance",
         )
         return None
-    value_node = fields.get("value")
     return FeedbackErrors(
         space=space,
         seed=seed,
         every=fields.integer("every") or 0,
         share=fields.number("share") or 0.0,
-        value=None if value_node is None else read_vector(reading, value_node, "a value", space),
+        value=fields.read("value", lambda node, _: read_vector(reading, node, "a value", space)),
     )
 
 

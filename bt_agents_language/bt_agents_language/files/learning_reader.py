@@ -147,24 +147,16 @@ def read_learning(
 def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> LearningRule:
     usual = LearningRule()
     rates = numbers_by_parameter(reading, fields, "rates", space)
-    frozen = _frozen(reading, fields, space)
-    both = [name for name in frozen if name in rates]
-    if both:
-        reading.error(
-            "contradiction",
-            fields.keys["freeze"],
-            f"'rates' says how fast {', '.join(both)} learns, 'freeze' that it does not",
-            "keep one of both",
-        )
     retreat = numbers_by_parameter(reading, fields, "retreat", space)
-    idle = [name for name in frozen if name in retreat]
-    if idle:
-        reading.error(
-            "contradiction",
-            fields.keys["freeze"],
-            f"'retreat' says where {', '.join(idle)} goes, 'freeze' that it does not learn",
-            "keep one of both",
-        )
+    frozen = _frozen(reading, fields, space)
+    for given, contradiction in (
+        (rates, "'rates' says how fast {} learns, 'freeze' that it does not"),
+        (retreat, "'retreat' says where {} goes, 'freeze' that it does not learn"),
+    ):
+        both = ", ".join(name for name in frozen if name in given)
+        if both:
+            message = contradiction.format(both)
+            reading.error("contradiction", fields.keys["freeze"], message, "keep one of both")
     word = fields.choice("update")
     share = fields.choice("share")
     update = usual.update if word is None else Update(word)

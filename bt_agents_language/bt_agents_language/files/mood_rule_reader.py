@@ -136,8 +136,7 @@ def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> MoodRule | Non
 def _condition(
     reading: TypedReader, fields: MappingReader, key: str, space: SceneSpace
 ) -> Expression | None:
-    node = fields.get(key)
-    return None if node is None else read_condition(reading, node, _names(space), f"'{key}'")
+    return fields.read(key, lambda node, what: read_condition(reading, node, _names(space), what))
 
 
 def _fires_at_once(when: Expression, space: SceneSpace) -> bool:

@@ -269,9 +269,8 @@ class SkillsReader:
         fields = reading.keys(entry.value, _SKILL, what)
         if fields is None:
             return None, []
-        node = fields.get("inputs")
         before = len(reading.problems)
-        inputs = read_inputs(reading, node, what) if node is not None else ()
+        inputs = fields.read("inputs", lambda node, _: read_inputs(reading, node, what)) or ()
         lenient = len(reading.problems) > before
         skill = SkillSpec(
             name=name,
@@ -324,8 +323,7 @@ def _outputs(reading: TypedReader, fields: MappingReader) -> tuple[FieldSpec, ..
         one = reading.keys(entry.value, _OUTPUT, what)
         if name is None or one is None:
             continue
-        type_node = one.get("type")
-        field_type = read_type(reading, type_node) if type_node is not None else None
+        field_type = one.read("type", lambda node, _: read_type(reading, node))
         outputs.append(
             FieldSpec(
                 name=name,

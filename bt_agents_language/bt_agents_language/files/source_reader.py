@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import partial
 
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneParameter
@@ -49,7 +50,7 @@ from bt_agents_language.yaml.field_tables import (
     WordChoice,
 )
 from bt_agents_language.yaml.scalars import boolean
-from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
 
 TRACKED = "tracked"
@@ -196,8 +197,7 @@ class SourceReader:
             return [source] if source is not None else []
         if not node.items:
             self._reading.error("missing-value", node, f"{wanted.what} is an empty list")
-        found = [self.read(item, item, wanted) for item in node.items]
-        return [source for source in found if source is not None]
+        return [*readable(self.read(item, item, wanted) for item in node.items)]
 
     def read(self, node: Node, where: Node, wanted: SourceContext) -> SourceSpec | None:
         """Return a source, or report that it is wrong and return None."""
@@ -292,13 +292,10 @@ class SourceReader:
 
     def topic(self, fields: MappingReader, wanted: SourceContext) -> str | None:
         """Return the name of a topic, with checked names in angle brackets."""
-        node = fields.get("topic")
-        if node is None:
-            return None
-        topic = read_ros_name(self._reading, node, "'topic'", brackets=True)
+        topic = fields.read("topic", partial(read_ros_name, self._reading, brackets=True))
         if topic is None:
             return None
-        named = _PLACEHOLDER.findall(topic)
+        node, named = fields.nodes["topic"], _PLACEHOLDER.findall(topic)
         if wanted.must_be_per_person and not named:
             self._reading.error(
                 "wrong-value",
@@ -377,7 +374,7 @@ class SourceReader:
         if node is None:
             return None
         expression = self._expression(node, "'field'", message)
-        if expression is None or not self._is_single(node, "'field'", expression, message):
+        if expression is None:
             return None
         kind = expression.kind
         if wanted.text:
@@ -403,22 +400,11 @@ class SourceReader:
         )
         return None
 
-    def _is_single(
-        self, node: Node, what: str, expression: Expression, message: MessageFields
-    ) -> bool:
-        """Return whether a plain field holds a single value, as far as its type is known."""
-        path = path_of(expression)
-        nested = message.nested(path) if path is not None else None
-        if nested is not None:
-            item = nested is Nesting.LIST
-            hint = f"pick an item of it: {path}.0" if item else f"name a field of it: {path}.…"
-            self._reading.error(
-                "bad-expression", node, f"{what} is {nested.value}, expected one value", hint
-            )
-        return nested is None
-
     def _expression(self, node: Node, what: str, message: MessageFields) -> Expression | None:
-        """Return an expression over the fields of a message; a field path is one, too."""
+        """Return an expression over the fields of a message; a field path is one, too.
+
+        A plain field must hold a single value, as far as its type is known.
+        """
         text = self._reading.text(node, what)
         if text is None:
             return None
@@ -427,10 +413,18 @@ class SourceReader:
         plain = _PATH_LIKE.fullmatch(text) and not text.startswith(f"{MESSAGE}.")
         if plain and text not in ("true", "false"):
             path = self.path(node, what, message)
-            if path is None:
-                return None
-            return names.parse(f"{MESSAGE}.{path}")
-        return read_expression(self._reading, node, node.text, 0, what, names)
+            expression = None if path is None else names.parse(f"{MESSAGE}.{path}")
+        else:
+            expression = read_expression(self._reading, node, node.text, 0, what, names)
+        path = path_of(expression) if expression is not None else None
+        nested = message.nested(path) if path is not None else None
+        if nested is None:
+            return expression
+        item = nested is Nesting.LIST
+        hint = f"pick an item of it: {path}.0" if item else f"name a field of it: {path}.…"
+        problem = f"{what} is {nested.value}, expected one value"
+        self._reading.error("bad-expression", node, problem, hint)
+        return None
 
     def _certainty(
         self, fields: MappingReader, key: str, message: MessageFields, largest: float
@@ -448,7 +442,7 @@ class SourceReader:
             )
             return None
         expression = self._expression(node, f"'{key}'", message)
-        if expression is None or not self._is_single(node, f"'{key}'", expression, message):
+        if expression is None:
             return None
         if expression.kind not in _NUMBERS:
             self._reading.error(
@@ -492,9 +486,6 @@ def _points(
     reading: TypedReader, fields: MappingReader, parameter: SceneParameter | None
 ) -> tuple[tuple[float, float], ...]:
     """Return the linear map in ``map`` as (reading, value) pairs, with rising readings."""
-    node = fields.get("map")
-    if node is None:
-        return ()
     points: dict[float, float] = {}
     entries = fields.entries("map")
     for entry in entries:
@@ -514,7 +505,7 @@ def _points(
     if entries and len(entries) < 2:
         reading.error(
             "missing-value",
-            node,
+            fields.nodes["map"],
             "'map' needs two readings or more",
             "add the other end of the range",
         )
@@ -528,10 +519,7 @@ def _table(
     kind: ValueKind | None,
 ) -> tuple[tuple[str, float], ...]:
     """Return the words in ``table``, in the form of readings of a kind, with their values."""
-    node = fields.get("table")
-    if node is None:
-        return ()
-    if "map" in fields.nodes:
+    if {"map", "table"} <= fields.nodes.keys():
         reading.error(
             "unknown-key",
             fields.keys["table"],

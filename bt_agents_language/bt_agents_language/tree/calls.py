@@ -32,7 +32,7 @@ from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.scalars import quoted
 from bt_agents_language.yaml.typed_reader import TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
-from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of, several
 
 
 class CallReader:
@@ -100,7 +100,7 @@ class CallReader:
 
         unfit = problem(plain(value))
         if unfit:
-            items = node.items if isinstance(node, Sequence) else (node,)
+            items = several(node)
             words = tuple(item.text for item in items if isinstance(item, Scalar))
             fits = len(words) == len(items) and problem(words) is None
             hint = f"write [{', '.join(map(quoted, words))}]" if fits else ""

@@ -179,10 +179,8 @@ class TreesReader:
         )
 
     def _declared(self, fields: MappingReader, key: str, what: str) -> tuple[FieldSpec, ...]:
-        node = fields.get(key)
-        if node is None:
-            return ()
-        return read_inputs(self._reading, node, what, key.removesuffix("s"))
+        kind = key.removesuffix("s")
+        return fields.read(key, lambda node, _: read_inputs(self._reading, node, what, kind)) or ()
 
     def _raw(self, node: Node | None, where: str) -> RawNode | None:
         return None if node is None else self._structure.read(node, where)

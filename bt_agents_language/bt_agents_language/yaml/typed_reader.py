@@ -271,10 +271,11 @@ class TypedReader:
             word = entry.key.text
             # A misspelled key is not missing, and is read as the intended one.
             meant = nearest(word, [key for key in known if key not in nodes])
-            above = _left_empty(node, entry, nodes)
-            hint = did_you_mean(word, known)
             place = node.entries.index(entry)
-            if cut := _comma_hint(node.entries[place - 1] if place else None, entry):
+            before = node.entries[place - 1] if place else None
+            above = _left_empty(before, nodes)
+            hint = did_you_mean(word, known)
+            if cut := _comma_hint(before, entry):
                 hint = cut
             elif word in beside:
                 hint = f"'{word}' stands beside {what}, not in it"
@@ -717,10 +718,8 @@ def _comma_hint(before: MappingEntry | None, entry: MappingEntry) -> str:
     return f"a comma ends a text: put the whole text after '{before.key.text}:' in quotes"
 
 
-def _left_empty(node: Mapping, entry: MappingEntry, known: Collection[str]) -> str | None:
-    """Return the known key directly above an entry if it has no value."""
-    place = node.entries.index(entry)
-    above = node.entries[place - 1] if place else None
+def _left_empty(above: MappingEntry | None, known: Collection[str]) -> str | None:
+    """Return the key of the entry directly above another if it is known and has no value."""
     if above is None or above.key.text not in known or not _without_value(above):
         return None
     return above.key.text

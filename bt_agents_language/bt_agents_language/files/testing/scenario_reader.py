@@ -247,21 +247,11 @@ class ScenarioReader:
         if node is None:
             return ()
         branches = [path for one in self._nodes for path in branches_of(one)]
-        picks: list[str] = []
-        for item in several(node):
-            text = self._reading.text(item, "'picks'")
-            if text is None:
-                continue
-            if any(matches(text, path) for path in branches):
-                picks.append(text)
-                continue
-            hint = (
-                path_hint(text, branches) if branches else "the agent has no 'random'; remove it"
-            )
-            self._reading.error(
-                "unknown-path", item, f"no child of a 'random' has the path {quote(text)}", hint
-            )
-        return tuple(picks)
+        hint = "" if branches else "the agent has no 'random'; remove it"
+        problem = "no child of a 'random'"
+        return readable(
+            self._matching(item, "'picks'", branches, problem, hint) for item in several(node)
+        )
 
     def _person(self, node: Node | None) -> tuple[bool | None, RehearsedPerson | None]:
         """Return whether a person is present, if written, and who."""
@@ -316,19 +306,22 @@ class ScenarioReader:
 
     def path(self, node: Node, what: str, *, skills: bool = False) -> str | None:
         """Return a path or pattern that matches a node, or with ``skills`` a skill; else None."""
-        text = self._reading.text(node, what)
-        if text is None:
-            return None
         known = [one.path for one in self._nodes if one.skill is not None or not skills]
-        if any(matches(text, path) for path in known):
+        problem = f"no node of the agent{' that uses a skill' if skills else ''}"
+        return self._matching(node, what, known, problem)
+
+    def _matching(
+        self, node: Node, what: str, known: list[str], problem: str, hint: str = ""
+    ) -> str | None:
+        """Return a path or pattern that matches a known path; else report it and return None.
+
+        The hint usually names a similar path.
+        """
+        text = self._reading.text(node, what)
+        if text is None or any(matches(text, path) for path in known):
             return text
-        self._reading.error(
-            "unknown-path",
-            node,
-            f"no node of the agent{' that uses a skill' if skills else ''} has the path "
-            f"{quote(text)}",
-            path_hint(text, known),
-        )
+        message = f"{problem} has the path {quote(text)}"
+        self._reading.error("unknown-path", node, message, hint or path_hint(text, known))
         return None
 
     def refuse_name(
@@ -409,12 +402,11 @@ class ScenarioReader:
         items = several(entry.value)
         if not items:
             self._reading.error("missing-value", entry.value, f"{quote(key)} has no answer")
-        answers = tuple(
-            self._answer(item, outputs, f"the answer of {quote(key)}") for item in items
-        )
-        if not answers or None in answers:
+        what = f"the answer of {quote(key)}"
+        answers = readable(self._answer(item, outputs, what) for item in items)
+        if not items or len(answers) < len(items):
             return None
-        return AnswerRule(key=key, answers=tuple(one for one in answers if one is not None))
+        return AnswerRule(key=key, answers=answers)
 
     def _answer(self, node: Node, outputs: _Outputs, what: str) -> ScriptedAnswer | None:
         if not isinstance(node, MappingNode):
@@ -469,34 +461,26 @@ class ScenarioReader:
         return values
 
     def _variant(self, entry: MappingEntry) -> VariantRule | None:
-        pattern = self._reading.text(entry.key, "the path of a node with variants")
+        choosing = {one.path: one.variants for one in self._nodes if one.variants}
+        what = "the path of a node with variants"
+        problem = "no node of the agent that has several texts"
+        pattern = self._matching(entry.key, what, [*choosing], problem)
         if pattern is None:
             return None
-        choosing = {one.path: one.variants for one in self._nodes if one.variants}
         counts = [
             len(one.texts)
             for path, variants in choosing.items()
             if matches(pattern, path)
             for one in variants
         ]
-        if not counts:
-            self._reading.error(
-                "unknown-path",
-                entry.key,
-                f"no node of the agent that has several texts has the path {quote(pattern)}",
-                path_hint(pattern, [*choosing]),
-            )
-            return None
         items = several(entry.value)
         if not items:
             self._reading.error("missing-value", entry.value, f"{quote(pattern)} has no number")
         what = f"the text of {quote(pattern)}"
-        numbers = [self._reading.integer(item, what, 1, min(counts)) for item in items]
-        if not numbers or None in numbers:
+        numbers = readable(self._reading.integer(item, what, 1, min(counts)) for item in items)
+        if not items or len(numbers) < len(items):
             return None
-        return VariantRule(
-            pattern=pattern, numbers=tuple(one - 1 for one in numbers if one is not None)
-        )
+        return VariantRule(pattern=pattern, numbers=tuple(one - 1 for one in numbers))
 
     def _replacement(self, entry: MappingEntry) -> Replacement | None:
         pattern = self.path(entry.key, "the path of what is replaced")
@@ -524,11 +508,10 @@ class ScenarioReader:
                 "nothing happens here",
                 f"add '{names[0] if names else 'person'}: …', 'publish', 'tune' or 'cancel'",
             )
-        at_node = fields.get("at")
         topic, message = self._message(fields.get("publish"))
         return ScriptedEvent(
             after_s=fields.duration("after") or 0.0,
-            at=(self.path(at_node, "'at'") or "") if at_node is not None else "",
+            at=fields.read("at", self.path) or "",
             values=self._values(fields, names),
             person=fields.boolean("person"),
             silent=_SILENT.get(fields.choice("scene_layer") or ""),

@@ -223,14 +223,12 @@ def _case(
         )
     scenarios = languages.scenarios(fields)
     scenario = scenarios.read(fields)
-    expectations: tuple[Expectation, ...] = ()
-    if (expect := fields.get("expect")) is not None:
-        expectations = _Expectations(reading, scenarios, scenario).read(expect)
+    expected = _Expectations(reading, scenarios, scenario)
     cases[name] = AgentTestCase(
         name=name,
         agent=scenarios.agent,
         scenario=scenario,
-        expectations=expectations,
+        expectations=fields.read("expect", lambda node, _: expected.read(node)) or (),
         position=node.position,
     )
 
