@@ -11,8 +11,8 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import join_quoted
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_tools.cli.commands.tune import author_option
-from bt_agents_tools.cli.connection import BUSY_LIMIT_S, accepted, connect, find_host, find_hosts
+from bt_agents_tools.cli.commands.tune import ask_host, author_option
+from bt_agents_tools.cli.connection import BUSY_LIMIT_S, connect, find_host, find_hosts
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 if TYPE_CHECKING:
@@ -71,10 +71,9 @@ def breakpoint(
     else:
         tree = _nodes(observer, [host]).get(agent, ())
         paths = list(dict.fromkeys([*before, *_paths(nodes, [one.path for one in tree])]))
-    answer = observer.ask(
-        f"{host}/control", action="BREAKPOINTS", agent=agent, paths=paths, author=author
+    ask_host(
+        observer, host, "BREAKPOINTS", service="control", agent=agent, paths=paths, author=author
     )
-    click.echo(accepted(answer, f"the host {host}").message)
 
 
 def _control(action: str, author: str) -> None:
@@ -82,14 +81,8 @@ def _control(action: str, author: str) -> None:
     market = observer.market
     if market.state not in (market.RUNNING, market.CANCELLING):
         raise BtAgentsError("no agent is running; look at 'bt-agents status'")
-    answer = observer.ask(
-        f"{market.host}/control",
-        action=action,
-        author=author,
-        epoch=market.epoch,
-        round=market.round,
-    )
-    click.echo(accepted(answer, f"the host {market.host}").message)
+    run = {"epoch": market.epoch, "round": market.round}
+    ask_host(observer, market.host, action, service="control", author=author, **run)
 
 
 def _show(observer: Observer, hosts: Sequence[str], agent: str, form: TableForm) -> None:

@@ -44,9 +44,11 @@ author_option = click.option(
 )
 
 
-def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
-    """Ask a host to tune, and print its answer if it accepts."""
-    answer = observer.ask(f"{host}/tune", action=action, **fields)
+def ask_host(
+    observer: Observer, host: str, action: str, *, service: str = "tune", **fields: Any
+) -> None:
+    """Ask a host to tune or control its trees, and print its answer if it accepts."""
+    answer = observer.ask(f"{host}/{service}", action=action, **fields)
     click.echo(accepted(answer, f"the host {host}").message)
 
 
@@ -129,8 +131,8 @@ def _set(
     on_hosts = [(name, text) for name, text in named if not _PROFILE.fullmatch(name)]
     for one in profiles:
         find_host(observer, one)
-    for host, some in _by_host(observer, on_hosts):
-        names, texts = [name for name, _ in some], [text for _, text in some]
+    names, texts = [name for name, _ in on_hosts], [text for _, text in on_hosts]
+    for host in _hosts_of(observer, names):
         ask_host(observer, host, "SET", names=names, values=texts, author=author, reason=reason)
     for one, wanted in profiles.items():
         from bt_agents_tools.client import tuning
@@ -196,20 +198,18 @@ def _one_host(observer: Observer, agent: str) -> str:
     return found[0]
 
 
-def _by_host(
-    observer: Observer, listed: list[tuple[str, str]]
-) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return values by host; values without an agent go to every host."""
-    if not listed:
+def _hosts_of(observer: Observer, names: Sequence[str]) -> list[str]:
+    """Return the hosts that get values; values without an agent go to every host."""
+    if not names:
         return []
-    whose = {name.partition(".")[0] for name, _ in listed if "." in name}
+    whose = {name.partition(".")[0] for name in names if "." in name}
     found = sorted({find_host(observer, one) for one in whose}) or find_hosts(observer)
     if whose and len(found) > 1:
         raise BtAgentsError(
             f"these agents are on different hosts, {', '.join(found)}, which cannot change "
             "together; tune one after the other"
         )
-    return [(host, listed) for host in found]
+    return found
 
 
 def _show(observer: Observer, agent: str, form: TableForm) -> None:
