@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 import click
@@ -15,7 +14,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import DIGITS, format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import SOON_S
-from bt_agents_tools.cli.formatting import fitted_console, node_names, values_text
+from bt_agents_tools.cli.formatting import clock_text, fitted_console, node_names, values_text
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 
@@ -59,7 +58,7 @@ def moods(agent: str, round_number: int, form: TableForm) -> None:
         ]
         print_table([Column(key=key) for key in _KEYS], rows, form)
         return
-    when = time.strftime("%H:%M:%S", time.localtime(trace.header.stamp.sec))
+    when = clock_text(trace.header.stamp.sec)
     who = f" with {trace.person_id}" if trace.person_id else ""
     click.echo(f"{trace.agent}, round {trace.round}, ended {when}{who}")
     fitted_console().print(mood_table(trace, node_names(trees, trace.agent)))

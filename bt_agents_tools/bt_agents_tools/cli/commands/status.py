@@ -29,6 +29,7 @@ from bt_agents_tools.cli.decisions import (
 )
 from bt_agents_tools.cli.formatting import (
     STATES,
+    clock_text,
     constant_text,
     counted,
     fitted_console,
@@ -129,7 +130,7 @@ def status(form: TableForm, shows_all: bool) -> None:
         for problem in card.problems:
             _print("  problem: ", problem_text(problem))
     for end in ends[-_ENDS_SHOWN:]:
-        when = time.strftime("%H:%M:%S", time.localtime(end.header.stamp.sec))
+        when = clock_text(end.header.stamp.sec)
         place = f"round {end.round}, " if end.round else ""
         _print(
             "ended     ", f"{when}, {place}'{names.name_of(end.scene_id)}', {end_text(end, names)}"

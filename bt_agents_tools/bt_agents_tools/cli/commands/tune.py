@@ -7,7 +7,6 @@ import getpass
 import re
 import shutil
 import sys
-import time
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +19,7 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import printable
 from bt_agents_language.expression.quantities import QuantityError, number
 from bt_agents_tools.cli.connection import NoSystemError, accepted, connect, find_host, find_hosts
+from bt_agents_tools.cli.formatting import moment_text
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 from bt_agents_tools.cli.trees_choice import kept_state, state_option
 from bt_agents_tools.cli.tune_table import table
@@ -27,7 +27,6 @@ from bt_agents_tools.cli.tune_table import table
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_TIME = "%Y-%m-%d %H:%M:%S"
 _PROFILE = re.compile(r"(?P<agent>[^.]+)\.profile\.(?P<parameter>.+)")
 
 
@@ -240,9 +239,7 @@ def _exact(value: Any) -> Any:
 
 _HISTORY = (
     Column(key="revision", right=True),
-    Column(
-        key="stamp", title="when", text=lambda stamp: time.strftime(_TIME, time.localtime(stamp))
-    ),
+    Column(key="stamp", title="when", text=moment_text),
     Column(key="name"),
     Column(key="before"),
     Column(key="after"),
