@@ -11,8 +11,8 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import join_quoted
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_tools.cli.commands.tune import ask_host, author_option
-from bt_agents_tools.cli.connection import BUSY_LIMIT_S, connect, find_host, find_hosts
+from bt_agents_tools.cli.commands.tune import author_option
+from bt_agents_tools.cli.connection import BUSY_LIMIT_S, accepted, connect, find_host, find_hosts
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 if TYPE_CHECKING:
@@ -71,9 +71,7 @@ def breakpoint(
     else:
         tree = _nodes(observer, [host]).get(agent, ())
         paths = list(dict.fromkeys([*before, *_paths(nodes, [one.path for one in tree])]))
-    ask_host(
-        observer, host, "BREAKPOINTS", service="control", agent=agent, paths=paths, author=author
-    )
+    _ask(observer, host, "BREAKPOINTS", agent=agent, paths=paths, author=author)
 
 
 def _control(action: str, author: str) -> None:
@@ -81,8 +79,12 @@ def _control(action: str, author: str) -> None:
     market = observer.market
     if market.state not in (market.RUNNING, market.CANCELLING):
         raise BtAgentsError("no agent is running; look at 'bt-agents status'")
-    run = {"epoch": market.epoch, "round": market.round}
-    ask_host(observer, market.host, action, service="control", author=author, **run)
+    _ask(observer, market.host, action, author=author, epoch=market.epoch, round=market.round)
+
+
+def _ask(observer: Observer, host: str, action: str, **fields: Any) -> None:
+    answer = observer.ask(f"{host}/control", action=action, **fields)
+    click.echo(accepted(answer, f"the host {host}").message)
 
 
 def _show(observer: Observer, hosts: Sequence[str], agent: str, form: TableForm) -> None:

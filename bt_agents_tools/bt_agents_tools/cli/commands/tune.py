@@ -43,11 +43,9 @@ author_option = click.option(
 )
 
 
-def ask_host(
-    observer: Observer, host: str, action: str, *, service: str = "tune", **fields: Any
-) -> None:
-    """Ask a host to tune or control its trees, and print its answer if it accepts."""
-    answer = observer.ask(f"{host}/{service}", action=action, **fields)
+def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
+    """Ask a host to tune, and print its answer if it accepts."""
+    answer = observer.ask(f"{host}/tune", action=action, **fields)
     click.echo(accepted(answer, f"the host {host}").message)
 
 
