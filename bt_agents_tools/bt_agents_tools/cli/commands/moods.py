@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import click
@@ -52,9 +53,7 @@ def moods(agent: str, round_number: int, form: TableForm) -> None:
                 *(trace.agent, trace.round, names.get(leaf), leaf, seconds, mean, change),
                 _changed(trace, leaf, form),
             )
-            for leaf, seconds, mean, change in zip(
-                trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
-            )
+            for leaf, seconds, mean, change in _by_leaf(trace)
         ]
         print_table([Column(key=key) for key in _KEYS], rows, form)
         return
@@ -65,6 +64,11 @@ def moods(agent: str, round_number: int, form: TableForm) -> None:
 
 
 _KEYS = ("agent", "round", "node", "path", "time_s", "mood", "change", "values")
+
+
+def _by_leaf(trace: Any) -> Iterator[tuple[str, float, float, float]]:
+    """Return the path of each node, its time, and the mean and the change of the mood in it."""
+    return zip(trace.leaves, trace.seconds, trace.mean, trace.change, strict=True)
 
 
 def _changed(trace: Any, leaf: str, form: TableForm = TableForm.FITTED) -> object:
@@ -91,9 +95,7 @@ def mood_table(trace: Any, names: dict[str, str]) -> Table:
         table.add_column(heading, justify="right", overflow="fold")
     table.add_column("changed", overflow="fold")
     table.add_column("path", style="dim", overflow="fold")
-    for leaf, seconds, mean, change in zip(
-        trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
-    ):
+    for leaf, seconds, mean, change in _by_leaf(trace):
         table.add_row(
             Text(names.get(leaf, "?")),
             f"{seconds:.1f} s",

@@ -331,11 +331,9 @@ def _cause(one: Mapping[str, Any]) -> str:
 
 
 def _changes(before: Mapping[str, float], after: Mapping[str, float]) -> str:
-    changes = [
-        f"{name} {format_known(before[name])} → {format_known(value)}"
-        if name in before
-        else f"{name} {format_known(value)}"
-        for name, value in after.items()
-        if before.get(name) != value
-    ]
+    changes = []
+    for name, value in after.items():
+        if before.get(name) != value:
+            was = f"{format_known(before[name])} → " if name in before else ""
+            changes.append(f"{name} {was}{format_known(value)}")
     return ", ".join(changes) or "no value has changed"

@@ -168,11 +168,9 @@ def market_text(market: Any, names: SceneLabels, now: float, *, is_end_shown: bo
     if market.scene_id:
         scene = market.scene_label or names.name_of(market.scene_id)
         return f"{text}: '{scene}', {names.with_names(market.message)}"
-    return (
-        text
-        if is_end_shown and not market.queued
-        else f"{text}: {names.with_names(market.message)}"
-    )
+    if is_end_shown and not market.queued:
+        return text
+    return f"{text}: {names.with_names(market.message)}"
 
 
 def _node_at_work(observer: Observer) -> str:
