@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import time
 from contextlib import closing
 
 import click
@@ -22,7 +21,7 @@ from bt_agents_fleet.fleet_settings import (
     write_settings,
 )
 from bt_agents_ros.signals import Interrupt, loading
-from bt_agents_tools.cli.formatting import counted
+from bt_agents_tools.cli.formatting import counted, moment_text
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
 from bt_agents_tools.cli.trees_choice import kept_state, state_option, take_trees
 from bt_agents_tools.launcher.supervisor import set_discovery
@@ -130,7 +129,7 @@ def _status_lines(here: dict[str, object]) -> list[str]:
     if not here:
         return ["'bt-agents fleet run' was not here yet"]
     at = here.get("at")
-    when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at if isinstance(at, float) else 0))
+    when = moment_text(at if isinstance(at, float) else 0)
     steps = here.get("taken")
     taken = counted(steps if isinstance(steps, int) else 0, "step")
     lines = [

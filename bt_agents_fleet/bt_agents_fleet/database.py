@@ -412,12 +412,8 @@ def _check_version(connection: psycopg.Connection[Any]) -> None:
 
 
 def _shut(descriptor: int) -> None:
-    with suppress(OSError):
-        sock = socket.socket(fileno=os.dup(descriptor))
-        try:
-            sock.shutdown(socket.SHUT_RDWR)
-        finally:
-            sock.close()
+    with suppress(OSError), socket.socket(fileno=os.dup(descriptor)) as sock:
+        sock.shutdown(socket.SHUT_RDWR)
 
 
 def _failed(error: Exception) -> FleetError:

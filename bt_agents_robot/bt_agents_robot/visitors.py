@@ -357,8 +357,6 @@ class VisitorsNode(BaseNode):
         measured = {source.parameter for sensor in sensors for source in sensor.sources}
         if unmeasured := unmeasured_text(visit, measured, self._id):
             self._remark(unmeasured)
-        self._awaiting_scene = False
-        self._trigger_at = math.inf
         self._warn_at = now + WARNING_PERIOD_S
         self._sensing_pending = True
 

@@ -105,7 +105,8 @@ def run(
             rows = []
             real = through_ros(folder, spec, settings, rows.append)
             seconds = time.monotonic() - start
-            agree = _compare(console, records, real)
+            what = f"{len(real)} rounds through ROS against {len(records)} without it"
+            agree = _is_equal(console, what, difference(records, real))
             records = real
         if (file := files[path]) is not None:
             file.write(folder.scene.space.names, rows)
@@ -289,17 +290,12 @@ def _print_sweep(played: Played, form: TableForm) -> None:
     print_table(columns, rows, form)
 
 
-def _compare(
-    console: Console, core: Sequence[FeedbackRecord], real: Sequence[FeedbackRecord]
-) -> bool:
-    largest = difference(core, real)
+def _is_equal(console: Console, what: str, largest: float) -> bool:
+    """Print whether the largest difference is only of rounding, and return it."""
     fine = largest <= TOLERANCE
-    console.print(
-        f"{len(real)} rounds through ROS against {len(core)} without it: "
-        f"{'[green]equal[/]' if fine else '[red]not equal[/]'}, largest difference "
-        f"{largest:.1e} (allowed {TOLERANCE:g})",
-        highlight=False,
-    )
+    verdict = "[green]equal[/]" if fine else "[red]not equal[/]"
+    found = f"largest difference {largest:.1e} (allowed {TOLERANCE:g})"
+    console.print(f"{what}: {verdict}, {found}", highlight=False)
     return fine
 
 
@@ -388,14 +384,8 @@ def _judge(
         console.print(f"not compared with the closed form, as {reason}", highlight=False)
         return orders
     largest = deviation(records, spec.feedback.each, starts, rates)
-    fine = largest <= TOLERANCE
-    verdict = "[green]equal[/]" if fine else "[red]not equal[/]"
-    console.print(
-        f"every recorded profile against p = f + (p0 - f)(1 - rate)^n: {verdict}, largest "
-        f"difference {largest:.1e} (allowed {TOLERANCE:g})",
-        highlight=False,
-    )
-    return fine and orders
+    what = "every recorded profile against p = f + (p0 - f)(1 - rate)^n"
+    return _is_equal(console, what, largest) and orders
 
 
 def _row(values: Sequence[float]) -> str:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +18,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import scene_name
 from bt_agents_core.text import printable, printable_lines
 from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.formatting import moment_text
 from bt_agents_tools.cli.trees_choice import kept_state
 
 with loading():
@@ -50,13 +50,13 @@ def journal(files: tuple[Path, ...], out: Path | None) -> None:
         console.print(f"{escape(str(path))}  {path.stat().st_size / 1e6:.2f} MB")
     show_problems(console, recording)
     total = sum(recording.counts.values())
-    first, last = _moment(recording.first_ns / 1e9), _moment(recording.last_ns / 1e9)
+    first, last = moment_text(recording.first_ns / 1e9), moment_text(recording.last_ns / 1e9)
     console.print(f"{first} to {last}, {total} messages")
     for one in recording.recordings.values():
         if one.label or one.notes:
             console.print(_escaped(f"{one.file}: {_described(one)}"))
     for one in recording.bookmarks:
-        console.print(_escaped(f"{_moment(one.header.stamp.sec)}  marked: {_described(one)}"))
+        console.print(_escaped(f"{moment_text(one.header.stamp.sec)}  marked: {_described(one)}"))
     digits = len(str(max(recording.counts.values())))
     for topic, number in sorted(recording.counts.items()):
         console.print(f"{number:>{digits}}  {_escaped(topic)}")
@@ -180,7 +180,3 @@ def _described(one: Any) -> str:
     author = f" ({one.author})" if one.author else ""
     notes = f" - {one.notes}" if one.notes else ""
     return f"{one.label or 'no label'}{notes}{author}"
-
-
-def _moment(seconds: float) -> str:
-    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from rich.markup import escape
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import printable
 from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.table import print_json
 
 with loading():
     from bt_agents_lab.cli.journal import (
@@ -50,7 +50,7 @@ def replay(files: tuple[Path, ...], as_json: bool) -> None:
             ]
         )
     if as_json:
-        click.echo(json.dumps(_as_data(recording, found), indent=2))
+        print_json(_as_data(recording, found))
     else:
         _show(Console(highlight=False, soft_wrap=True), recording, found)
     if not found.counts:

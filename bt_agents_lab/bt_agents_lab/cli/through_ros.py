@@ -9,6 +9,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -83,16 +84,15 @@ def _record(
 ) -> list[FeedbackRecord]:
     from bt_agents_tools.client.observer import Observer
 
-    observer = Observer()
-    auctions = observer.received("bt_agents/auctions")
-    feedbacks = observer.received("bt_agents/feedback")
+    with closing(Observer()) as observer:
+        auctions = observer.received("bt_agents/auctions")
+        feedbacks = observer.received("bt_agents/feedback")
 
-    def is_complete() -> bool:
-        """Return whether the last round has arrived, with its decision, which may come later."""
-        enough = len(feedbacks) >= spec.rounds
-        return enough and any(one.round == feedbacks[-1].round for one in reversed(auctions))
+        def is_complete() -> bool:
+            """Return whether the last round is there, with its decision, which may come later."""
+            enough = len(feedbacks) >= spec.rounds
+            return enough and any(one.round == feedbacks[-1].round for one in reversed(auctions))
 
-    try:
         observer.spin_until(
             lambda: bool(interrupt or supervisor.failure()) or observer.ready(agents), _STALL_S
         )
@@ -119,8 +119,6 @@ def _record(
                         f"no round for {_STALL_S:g} s after {before} of {spec.rounds}; the logs "
                         f"are in {supervisor.log('agents').parent}"
                     )
-    finally:
-        observer.close()
     for auction in auctions:
         for row in rows_of_auction(auction):
             on_result(row)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +13,7 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import join_first, printable
 from bt_agents_ros.signals import loading
-from bt_agents_tools.cli.formatting import values_text
+from bt_agents_tools.cli.formatting import clock_text, values_text
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 from bt_agents_tools.cli.trees_choice import journal_option, kept_state, state_option
 
@@ -101,7 +100,7 @@ def _not_found(round_number: int | None, runs: Sequence[_Run]) -> str:
 
 def _time_of_day(at_s: float) -> str:
     milliseconds = int(at_s * 1000) % 1000
-    return f"{time.strftime('%H:%M:%S', time.localtime(at_s))}.{milliseconds:03}"
+    return f"{clock_text(at_s)}.{milliseconds:03}"
 
 
 _COLUMNS = (

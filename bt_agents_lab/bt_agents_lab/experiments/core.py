@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import closing
 
 from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents_core.errors import BtAgentsError
@@ -227,10 +228,8 @@ def through_core(
             f"bids; take one of {known}"
         )
     core = Core(folder, spec, settings, on_result)
-    try:
+    with closing(core.ledger):
         return [
             core.play(f"scene {number}", vector)
             for number, vector in enumerate(spec.order(), start=1)
         ]
-    finally:
-        core.ledger.close()

@@ -105,8 +105,8 @@ class SimulatedWorld:
 
     def best_in(self, round_index: int) -> Floats:
         """Return the scene that each agent is made for in a round, counted from 0, [N, n]."""
-        changed = self.change is not None and round_index >= self.change.after
-        return self.change.best if changed and self.change is not None else self.best
+        change = self.change
+        return self.best if change is None or round_index < change.after else change.best
 
     def present_in(self, round_index: int) -> Bools:
         """Return whether each agent is present in a round, counted from 0, [N]."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -99,12 +99,11 @@ def _erase(paths: list[Path], open_file: Path | None, person: PersonMention) -> 
 
 def _rewrite(reader: JournalReader, path: Path, person: PersonMention, rounds: Rounds) -> None:
     new = path.with_name(f".{path.name}.new")
-    with suppress(FileNotFoundError):
-        new.unlink()
+    new.unlink(missing_ok=True)
     file = JournalFile(new)
     kept = 0
     try:
-        try:
+        with closing(file):
             for one in reader.stored(path):
                 if _is_about(one, person, rounds):
                     continue
@@ -113,15 +112,12 @@ def _rewrite(reader: JournalReader, path: Path, person: PersonMention, rounds: R
                 if kept % _FLUSHED == 0:
                     file.flush()
             file.flush()
-        finally:
-            file.close()
         if kept:
             os.replace(new, path)
         else:
             path.unlink()
     finally:
-        with suppress(FileNotFoundError):
-            new.unlink()
+        new.unlink(missing_ok=True)
 
 
 def _recorded(one: StoredMessage) -> RecordedMessage:

@@ -367,10 +367,7 @@ class _Counterfactual:
         else:
             rule = rule_of(recorded.card, recorded.parameters)
             rate = recorded.feedback.learning_rate
-        if (
-            self._changes.rate is not None
-            and FeedbackKind(recorded.feedback.kind) is not FeedbackKind.SET
-        ):
+        if self._changes.rate is not None and recorded.feedback.kind != FeedbackKind.SET:
             rate = self._changes.rate
         if self._changes.update is not None:
             rule = replace(rule, update=self._changes.update)

@@ -102,7 +102,6 @@ class RecordedProfile:
 
     agent: str
     layer: str
-    revision: int
     profile: tuple[float, ...]
 
 
@@ -310,23 +309,17 @@ class _Indexer:
 
     def _profiles(self, message: Any) -> None:
         """Take the table of all profiles, for revisions without feedback."""
-        width, found = len(message.parameters), {}
+        width, found, events = len(message.parameters), {}, self.recording.events
         keys = zip(message.agents, message.layers, message.revisions, strict=True)
         for place, (agent, layer, revision) in enumerate(keys):
             found[agent, layer] = revision
             if self._revisions.get((agent, layer)) != revision:
                 profile = tuple(message.vectors[place * width : (place + 1) * width])
-                self._add_profile(agent, layer, revision, profile)
-        for agent, layer in [key for key in self._revisions if key[1] and key not in found]:
-            self._add_profile(agent, layer, 0, ())
+                events.append(RecordedProfile(agent=agent, layer=layer, profile=profile))
+        for agent, layer in self._revisions:
+            if layer and (agent, layer) not in found:
+                events.append(RecordedProfile(agent=agent, layer=layer, profile=()))
         self._revisions = found
-
-    def _add_profile(
-        self, agent: str, layer: str, revision: int, profile: tuple[float, ...]
-    ) -> None:
-        self.recording.events.append(
-            RecordedProfile(agent=agent, layer=layer, revision=revision, profile=profile)
-        )
 
 
 def _reason(error: Exception) -> str:

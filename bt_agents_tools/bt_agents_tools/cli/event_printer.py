@@ -288,17 +288,14 @@ class EventPrinter:
             before, after = self._start[agent], self._now[agent]
             moved = _vector(before) + ("" if before == after else f" → {_vector(after)}")
             self._row(agent, outcomes, ", ".join(given) or "–", moved)
-        self._console.print(
+        text = (
             f"{counted(self.rounds, 'round')}, {counted(len(self.runs), 'run')}, {self.takeovers} "
             f"taken over by another agent, {len(self.feedbacks)} times feedback, "
             f"{counted(self.unanswered, 'scene')} without a bid"
-            + (
-                f", {counted(self.preemptions, 'run')} stopped for another scene"
-                if self.preemptions
-                else ""
-            ),
-            soft_wrap=True,
         )
+        if self.preemptions:
+            text += f", {counted(self.preemptions, 'run')} stopped for another scene"
+        self._console.print(text, soft_wrap=True)
 
     def _named(self, text: str) -> str:
         return escape(self._names.with_names(text))

@@ -51,6 +51,16 @@ def node_names(received: Iterable[Sequence[Any]], agent: str) -> dict[str, str]:
     return {node.path: node.name for tree in trees if tree.agent == agent for node in tree.nodes}
 
 
+def moment_text(seconds: float) -> str:
+    """Return a moment [s since 1970] as local date and time."""
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))
+
+
+def clock_text(seconds: float) -> str:
+    """Return a moment [s since 1970] as local time of day."""
+    return time.strftime("%H:%M:%S", time.localtime(seconds))
+
+
 def since_text(stamp: Any, now: float) -> str:
     """Return the time of day since when something holds, and its duration."""
     seconds = max(0, round(now - stamp.sec - stamp.nanosec * 1e-9))
@@ -58,8 +68,7 @@ def since_text(stamp: Any, now: float) -> str:
     hours, minutes = divmod(minutes, 60)
     parts = ((hours, "h"), (minutes, "min"), (rest, "s"))
     lasted = " ".join([f"{number} {unit}" for number, unit in parts if number][:2]) or "0 s"
-    when = time.strftime("%H:%M:%S", time.localtime(stamp.sec))
-    return f"since {when}, for {lasted}"
+    return f"since {clock_text(stamp.sec)}, for {lasted}"
 
 
 def progress_bar() -> Progress:

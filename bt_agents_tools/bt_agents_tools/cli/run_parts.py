@@ -16,7 +16,7 @@ from rich.console import Console
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_ros.signals import Interrupt
+from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.aside_output import printing_aside
 from bt_agents_tools.cli.connection import new_observer
 from bt_agents_tools.cli.fleet_plan import FleetPlan
@@ -30,6 +30,8 @@ from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_disco
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from bt_agents_language.files.folder_reader import Trees
 
 PARTS = {
     "market": "marketplace",
@@ -89,6 +91,24 @@ def named_parts(text: str) -> frozenset[str]:
             )
             raise click.UsageError(text.rstrip("; "))
     return frozenset(names)
+
+
+def read_agents(trees: Path, tags: str, show: Callable[[str], None]) -> Trees:
+    """Return the agents with one of some tags; show the report on what is broken, if anything.
+
+    Raises:
+        BtAgentsError: There is none.
+    """
+    with loading():
+        from bt_agents_language.files.folder_reader import read_trees
+        from bt_agents_ros.installed import InstalledInterfaces
+
+    folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
+    if folder.broken:
+        show(folder.report)
+    if not folder.agents:
+        raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
+    return folder
 
 
 def host_name(named: str) -> str:

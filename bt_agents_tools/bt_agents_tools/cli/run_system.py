@@ -10,10 +10,11 @@ import webbrowser
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from socket import socket
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from rich.console import Console
@@ -23,22 +24,19 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.listening import STUDIO_PORTS, listen
 from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.state_folder import STUDIO_ADDRESSES, StateFolder
-from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.aside_output import printing_aside
 from bt_agents_tools.cli.connection import new_observer
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.fleet_plan import FleetPlan
 from bt_agents_tools.cli.formatting import INDENT, print_line
-from bt_agents_tools.cli.run_parts import hold_parts
+from bt_agents_tools.cli.run_parts import hold_parts, read_agents
 from bt_agents_tools.cli.supervision import POLL_S, SupervisedSystem
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import current_domain
 from bt_agents_tools.launcher.fork_server import ForkServer
 from bt_agents_tools.launcher.log_files import new_log_folder
 from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_discovery
-
-if TYPE_CHECKING:
-    from bt_agents_language.files.folder_reader import Trees
 
 _LOOK_S = 0.5
 """Time from the start of discovery until another market would have been heard [s]."""
@@ -172,7 +170,7 @@ def run_system(
             fleet=fleet,
         )
         with system.ending():
-            folder = _read_agents(trees, tags, console)
+            folder = read_agents(trees, tags, partial(_print_broken, console))
             printer = EventPrinter(console, folder.scene.space)
             observer.notify(printer)
             look_s = max(_LEAST_LOOK_S, heard_s - time.monotonic())
@@ -199,23 +197,9 @@ def run_system(
     return visitors is None or bool(interrupt) or not printer.remarks
 
 
-def _read_agents(trees: Path, tags: str, console: Console) -> Trees:
-    """Return the agents with one of some tags, and print what is broken.
-
-    Raises:
-        BtAgentsError: There is none.
-    """
-    with loading():
-        from bt_agents_language.files.folder_reader import read_trees
-        from bt_agents_ros.installed import InstalledInterfaces
-
-    folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
-    if folder.broken:
-        console.print("[yellow]left out, the other agents run:[/]")
-        console.print(folder.report, markup=False, highlight=False, soft_wrap=True)
-    if not folder.agents:
-        raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
-    return folder
+def _print_broken(console: Console, report: str) -> None:
+    console.print("[yellow]left out, the other agents run:[/]")
+    console.print(report, markup=False, highlight=False, soft_wrap=True)
 
 
 def _is_ready(system: SupervisedSystem, agents: int) -> bool:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
 from typing import Any
 
 from rclpy.duration import Duration
@@ -182,7 +183,6 @@ def publish(observer: Observer, topic: str, message: Any) -> bool:
 
     Reactions of reliable listeners are received only after that.
     """
-    pending = PendingPublication(observer.node, topic, message, time.monotonic())
     reached: bool | None = None
 
     def ended() -> bool:
@@ -190,10 +190,8 @@ def publish(observer: Observer, topic: str, message: Any) -> bool:
         reached = pending.poll(time.monotonic())
         return reached is not None or pending.is_settled(time.monotonic())
 
-    try:
+    with closing(PendingPublication(observer.node, topic, message, time.monotonic())) as pending:
         observer.spin_until(ended, 3.0 * _LIMIT_S)
         if reached is None and pending.is_settled(time.monotonic()):
             reached = pending.confirmed()
-    finally:
-        pending.close()
     return bool(reached)

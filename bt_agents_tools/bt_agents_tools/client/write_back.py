@@ -163,11 +163,8 @@ def _spellings(old: str, value: Setting, parameter: TunableParameter) -> list[st
         return [f"{value:.6g}"]
     if parameter.unit:
         return [*_in_unit_of(old, value, parameter), parameter.format(value)]
-    return (
-        [repr(value), parameter.format(value)]
-        if "." in old
-        else [parameter.format(value), repr(value)]
-    )
+    spellings = [parameter.format(value), repr(value)]
+    return spellings[::-1] if "." in old else spellings
 
 
 def _in_unit_of(old: str, value: float, parameter: TunableParameter) -> Iterator[str]:

@@ -149,8 +149,7 @@ def set_discovery(environment: MutableMapping[str, str]) -> None:
 def discovery_text(environment: Mapping[str, str]) -> str:
     """Return the discovery range for people, after :func:`set_discovery`."""
     reach = environment[DISCOVERY_RANGE]
-    local = reach == "LOCALHOST" or environment.get(PROFILE) == str(LOOPBACK_PROFILE)
-    if local:
+    if reach == "LOCALHOST" or environment.get(PROFILE) == str(LOOPBACK_PROFILE):
         return "this machine only"
     return "open to everybody on this network" if reach == "SUBNET" else f"discovery range {reach}"
 
@@ -376,17 +375,16 @@ class Supervisor:
         one = self._with(name)
         if one is None:
             return
+        one.since = self._clock()
         if state == "active":
             if name in one.inactive:
                 self._events.append(f"{name} is active again")
             one.inactive.discard(name)
-            one.since = self._clock()
         else:
             # Only an error leads there, such as a parameter that the node refuses as it activates.
             cause = "has failed" if state == "unconfigured" else "was told to leave"
             self._events.append(f"{name} {cause}: it is {state}")
             one.inactive.add(name)
-            one.since = self._clock()
             one.last_heartbeat = None
 
     def _with(self, node: str) -> _Supervised | None:

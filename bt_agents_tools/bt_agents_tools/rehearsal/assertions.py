@@ -82,17 +82,17 @@ def _values(
     wanted: Expectation, what: str, expected: Mapping[str, Plain], found: Mapping[str, Plain]
 ) -> AssertionFailure | None:
     """Compare expected values; if none is expected, none may exist."""
-    shown = {
-        name: f"{name} {value_text(found[name])}" if name in found else _NOTHING
-        for name in expected or found
-    }
+
+    def entry(name: str, values: Mapping[str, Plain]) -> str:
+        return f"{name} {value_text(values[name])}" if name in values else _NOTHING
+
     rows = [
         (
-            f"{name} {value_text(expected[name])}" if name in expected else _NOTHING,
-            text,
+            entry(name, expected),
+            entry(name, found),
             name in expected and name in found and expected[name] == found[name],
         )
-        for name, text in shown.items()
+        for name in expected or found
     ]
     if all(same for _, _, same in rows):
         return None

@@ -289,7 +289,7 @@ class _Rehearsal:
                 arrives = self._environment.arrive(one.topic, one.message)
                 kept = arrives or one.topic in self._latched
                 kind = EventKind.ARRIVES if kept else EventKind.LOST
-                self._event(kind, one.topic, one.message)
+                self._event(kind, one.topic, inputs=one.message)
             if one.cancel is not None:
                 self._cancel(one.cancel, one.cancel.reason)
         self._poll_mood_rules()
@@ -383,7 +383,7 @@ class _Rehearsal:
         self, outcome: TreeOutcome | None, message: str, *, worth_reporting: bool = True
     ) -> Rehearsed:
         text = message if worth_reporting else ""
-        self._publish(Event(at_s=self._clock.now, kind=EventKind.ENDS, text=text, outcome=outcome))
+        self._event(EventKind.ENDS, text, outcome=outcome)
         return Rehearsed(
             outcome=outcome,
             message=message,
@@ -404,10 +404,8 @@ class _Rehearsal:
             },
         )
 
-    def _event(
-        self, kind: EventKind, text: str, inputs: Mapping[str, Plain] | None = None
-    ) -> None:
-        self._publish(Event(at_s=self._clock.now, kind=kind, text=text, inputs=inputs or {}))
+    def _event(self, kind: EventKind, text: str, **details: Any) -> None:
+        self._publish(Event(at_s=self._clock.now, kind=kind, text=text, **details))
 
     def _publish(self, event: Event) -> None:
         if self._held is not None:

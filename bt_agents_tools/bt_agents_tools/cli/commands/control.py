@@ -71,10 +71,7 @@ def breakpoint(
     else:
         tree = _nodes(observer, [host]).get(agent, ())
         paths = list(dict.fromkeys([*before, *_paths(nodes, [one.path for one in tree])]))
-    answer = observer.ask(
-        f"{host}/control", action="BREAKPOINTS", agent=agent, paths=paths, author=author
-    )
-    click.echo(accepted(answer, f"the host {host}").message)
+    _ask(observer, host, "BREAKPOINTS", agent=agent, paths=paths, author=author)
 
 
 def _control(action: str, author: str) -> None:
@@ -82,14 +79,12 @@ def _control(action: str, author: str) -> None:
     market = observer.market
     if market.state not in (market.RUNNING, market.CANCELLING):
         raise BtAgentsError("no agent is running; look at 'bt-agents status'")
-    answer = observer.ask(
-        f"{market.host}/control",
-        action=action,
-        author=author,
-        epoch=market.epoch,
-        round=market.round,
-    )
-    click.echo(accepted(answer, f"the host {market.host}").message)
+    _ask(observer, market.host, action, author=author, epoch=market.epoch, round=market.round)
+
+
+def _ask(observer: Observer, host: str, action: str, **fields: Any) -> None:
+    answer = observer.ask(f"{host}/control", action=action, **fields)
+    click.echo(accepted(answer, f"the host {host}").message)
 
 
 def _show(observer: Observer, hosts: Sequence[str], agent: str, form: TableForm) -> None:

@@ -7,12 +7,16 @@ from dataclasses import replace
 
 import click
 
-from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.state_folder import claim_state
-from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.params_file import params_option
-from bt_agents_tools.cli.run_parts import host_name, join_network, lan_options, run_parts
+from bt_agents_tools.cli.run_parts import (
+    host_name,
+    join_network,
+    lan_options,
+    read_agents,
+    run_parts,
+)
 from bt_agents_tools.cli.trees_choice import state_option, take_trees
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.log_files import new_log_folder
@@ -50,14 +54,7 @@ def host(
     interrupt = Interrupt()
     named = host_name(name)
     trees = take_trees(directory)
-    with loading():
-        from bt_agents_ros.installed import InstalledInterfaces
-
-    folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
-    if folder.broken:
-        click.echo(f"left out, the other agents run:\n{folder.report}", err=True)
-    if not folder.agents:
-        raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
+    read_agents(trees, tags, _print_broken)
     kept = claim_state(trees, state)
     click.echo(f"kept in {kept.path}", err=True)
     logs = new_log_folder(state)
@@ -67,3 +64,7 @@ def host(
     )
     part = components.on_slow_network(replace(part, file=params), slow_network)
     run_parts("host", [part], interrupt, logs)
+
+
+def _print_broken(report: str) -> None:
+    click.echo(f"left out, the other agents run:\n{report}", err=True)

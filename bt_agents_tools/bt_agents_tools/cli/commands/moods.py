@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-import time
+from collections.abc import Iterator
 from typing import Any
 
 import click
@@ -15,7 +15,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import DIGITS, format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import SOON_S
-from bt_agents_tools.cli.formatting import fitted_console, node_names, values_text
+from bt_agents_tools.cli.formatting import clock_text, fitted_console, node_names, values_text
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 
@@ -53,19 +53,22 @@ def moods(agent: str, round_number: int, form: TableForm) -> None:
                 *(trace.agent, trace.round, names.get(leaf), leaf, seconds, mean, change),
                 _changed(trace, leaf, form),
             )
-            for leaf, seconds, mean, change in zip(
-                trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
-            )
+            for leaf, seconds, mean, change in _by_leaf(trace)
         ]
         print_table([Column(key=key) for key in _KEYS], rows, form)
         return
-    when = time.strftime("%H:%M:%S", time.localtime(trace.header.stamp.sec))
+    when = clock_text(trace.header.stamp.sec)
     who = f" with {trace.person_id}" if trace.person_id else ""
     click.echo(f"{trace.agent}, round {trace.round}, ended {when}{who}")
     fitted_console().print(mood_table(trace, node_names(trees, trace.agent)))
 
 
 _KEYS = ("agent", "round", "node", "path", "time_s", "mood", "change", "values")
+
+
+def _by_leaf(trace: Any) -> Iterator[tuple[str, float, float, float]]:
+    """Return the path of each node, its time, and the mean and the change of the mood in it."""
+    return zip(trace.leaves, trace.seconds, trace.mean, trace.change, strict=True)
 
 
 def _changed(trace: Any, leaf: str, form: TableForm = TableForm.FITTED) -> object:
@@ -92,9 +95,7 @@ def mood_table(trace: Any, names: dict[str, str]) -> Table:
         table.add_column(heading, justify="right", overflow="fold")
     table.add_column("changed", overflow="fold")
     table.add_column("path", style="dim", overflow="fold")
-    for leaf, seconds, mean, change in zip(
-        trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
-    ):
+    for leaf, seconds, mean, change in _by_leaf(trace):
         table.add_row(
             Text(names.get(leaf, "?")),
             f"{seconds:.1f} s",

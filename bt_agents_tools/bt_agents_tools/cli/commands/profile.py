@@ -22,7 +22,7 @@ from bt_agents_language.expression.quantities import QuantityError, quantity
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_tools.cli.commands.tune import author_option
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, NoSystemError, accepted, connect
-from bt_agents_tools.cli.formatting import KINDS, counted
+from bt_agents_tools.cli.formatting import KINDS, counted, moment_text
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
 from bt_agents_tools.cli.trees_choice import kept_state, state_option
 
@@ -83,7 +83,7 @@ def show(agent: str, form: TableForm, state: str) -> None:
         *(Column(key=name, text=format_known, right=True) for name in names),
         Column(key="revision", right=True),
         Column(key="feedbacks", right=True),
-        Column(key="changed", text=lambda stamp: _when(stamp, "%m-%d %H:%M")),
+        Column(key="changed", text=_day_and_time),
         Column(key="seem_wrong", title="seem wrong", text="{:.0%}".format, right=True),
     )
     rows = []
@@ -110,7 +110,7 @@ def history(agent: str, layer: str, form: TableForm, state: str) -> None:
         return
     columns = (
         Column(key="revision", right=True),
-        Column(key="when", text=_when),
+        Column(key="when", text=moment_text),
         Column(key="what"),
         Column(key="from"),
         Column(key="change"),
@@ -211,7 +211,7 @@ def expire(older: str, kind: str | None, yes: bool, author: str) -> None:
         columns = (
             Column(key="agent"),
             Column(key="layer", title="for"),
-            Column(key="changed", text=_when),
+            Column(key="changed", text=moment_text),
         )
         print_table(columns, [(one["agent"], one["layer"], one["stamp"]) for one in old])
         click.confirm(f"forget {counted(len(old), 'profile')}, for ever?", abort=True)
@@ -320,8 +320,8 @@ def _age(text: str) -> float:
         raise Refused(RefusalCode.BAD_AGE, f"{option}: {error}; for example 90d or 12 h") from None
 
 
-def _when(stamp: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
-    return time.strftime(form, time.localtime(stamp))
+def _day_and_time(stamp: float) -> str:
+    return time.strftime("%m-%d %H:%M", time.localtime(stamp))
 
 
 def _cause(one: Mapping[str, Any]) -> str:
@@ -331,11 +331,9 @@ def _cause(one: Mapping[str, Any]) -> str:
 
 
 def _changes(before: Mapping[str, float], after: Mapping[str, float]) -> str:
-    changes = [
-        f"{name} {format_known(before[name])} → {format_known(value)}"
-        if name in before
-        else f"{name} {format_known(value)}"
-        for name, value in after.items()
-        if before.get(name) != value
-    ]
+    changes = []
+    for name, value in after.items():
+        if before.get(name) != value:
+            was = f"{format_known(before[name])} → " if name in before else ""
+            changes.append(f"{name} {was}{format_known(value)}")
     return ", ".join(changes) or "no value has changed"

@@ -191,14 +191,12 @@ def _heading(
         )
         known = ", ".join(filter(None, notes))
         parts.append(f"{parameter.name} {value.value:g}" + (f" ({known})" if known else ""))
-    about_person = spec.requires is not None and "scene.person" in spec.requires.names
-    if about_person or not scenario.person:
+    required = spec.requires.names if spec.requires is not None else ()
+    if "scene.person" in required or not scenario.person:
         parts.append("a person is there" if scenario.person else "nobody is there")
     if scenario.known is not None:
         parts.append(_who(scenario.known))
-    about_time = spec.requires is not None and any(
-        name.startswith("clock.") for name in spec.requires.names
-    )
+    about_time = any(name.startswith("clock.") for name in required)
     if about_time or scenario.clock != NOON:
         parts.append(f"{scenario.clock.weekday} at {scenario.clock.hour} h")
     parts += [

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -26,7 +25,7 @@ from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros.signals import end_silently
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
-from bt_agents_tools.cli.formatting import fitted_console
+from bt_agents_tools.cli.formatting import clock_text, fitted_console
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -149,7 +148,7 @@ def _heading(message: Any) -> str:
         there = f"{who} is not there any more"
     visit = message.visits and f"visit {message.visits}"
     parts = [message.label, there, visit, message.place and f"in {message.place}"]
-    when = time.strftime("%H:%M:%S", time.localtime(message.header.stamp.sec))
+    when = clock_text(message.header.stamp.sec)
     return f"{', '.join(part for part in parts if part)} ({when})"
 
 

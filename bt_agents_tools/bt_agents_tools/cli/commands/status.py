@@ -29,6 +29,7 @@ from bt_agents_tools.cli.decisions import (
 )
 from bt_agents_tools.cli.formatting import (
     STATES,
+    clock_text,
     constant_text,
     counted,
     fitted_console,
@@ -129,7 +130,7 @@ def status(form: TableForm, shows_all: bool) -> None:
         for problem in card.problems:
             _print("  problem: ", problem_text(problem))
     for end in ends[-_ENDS_SHOWN:]:
-        when = time.strftime("%H:%M:%S", time.localtime(end.header.stamp.sec))
+        when = clock_text(end.header.stamp.sec)
         place = f"round {end.round}, " if end.round else ""
         _print(
             "ended     ", f"{when}, {place}'{names.name_of(end.scene_id)}', {end_text(end, names)}"
@@ -167,11 +168,9 @@ def market_text(market: Any, names: SceneLabels, now: float, *, is_end_shown: bo
     if market.scene_id:
         scene = market.scene_label or names.name_of(market.scene_id)
         return f"{text}: '{scene}', {names.with_names(market.message)}"
-    return (
-        text
-        if is_end_shown and not market.queued
-        else f"{text}: {names.with_names(market.message)}"
-    )
+    if is_end_shown and not market.queued:
+        return text
+    return f"{text}: {names.with_names(market.message)}"
 
 
 def _node_at_work(observer: Observer) -> str:

@@ -7,7 +7,6 @@ import getpass
 import re
 import shutil
 import sys
-import time
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +19,7 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import printable
 from bt_agents_language.expression.quantities import QuantityError, number
 from bt_agents_tools.cli.connection import NoSystemError, accepted, connect, find_host, find_hosts
+from bt_agents_tools.cli.formatting import moment_text
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 from bt_agents_tools.cli.trees_choice import kept_state, state_option
 from bt_agents_tools.cli.tune_table import table
@@ -27,7 +27,6 @@ from bt_agents_tools.cli.tune_table import table
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_TIME = "%Y-%m-%d %H:%M:%S"
 _PROFILE = re.compile(r"(?P<agent>[^.]+)\.profile\.(?P<parameter>.+)")
 
 
@@ -129,8 +128,8 @@ def _set(
     on_hosts = [(name, text) for name, text in named if not _PROFILE.fullmatch(name)]
     for one in profiles:
         find_host(observer, one)
-    for host, some in _by_host(observer, on_hosts):
-        names, texts = [name for name, _ in some], [text for _, text in some]
+    names, texts = [name for name, _ in on_hosts], [text for _, text in on_hosts]
+    for host in _hosts_of(observer, names):
         ask_host(observer, host, "SET", names=names, values=texts, author=author, reason=reason)
     for one, wanted in profiles.items():
         from bt_agents_tools.client import tuning
@@ -196,20 +195,18 @@ def _one_host(observer: Observer, agent: str) -> str:
     return found[0]
 
 
-def _by_host(
-    observer: Observer, listed: list[tuple[str, str]]
-) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return values by host; values without an agent go to every host."""
-    if not listed:
+def _hosts_of(observer: Observer, names: Sequence[str]) -> list[str]:
+    """Return the hosts that get values; values without an agent go to every host."""
+    if not names:
         return []
-    whose = {name.partition(".")[0] for name, _ in listed if "." in name}
+    whose = {name.partition(".")[0] for name in names if "." in name}
     found = sorted({find_host(observer, one) for one in whose}) or find_hosts(observer)
     if whose and len(found) > 1:
         raise BtAgentsError(
             f"these agents are on different hosts, {', '.join(found)}, which cannot change "
             "together; tune one after the other"
         )
-    return [(host, listed) for host in found]
+    return found
 
 
 def _show(observer: Observer, agent: str, form: TableForm) -> None:
@@ -240,9 +237,7 @@ def _exact(value: Any) -> Any:
 
 _HISTORY = (
     Column(key="revision", right=True),
-    Column(
-        key="stamp", title="when", text=lambda stamp: time.strftime(_TIME, time.localtime(stamp))
-    ),
+    Column(key="stamp", title="when", text=moment_text),
     Column(key="name"),
     Column(key="before"),
     Column(key="after"),
