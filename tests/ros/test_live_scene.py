@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Float64
 
 from active_nodes import active_feedback, active_scene_layer
-from bt_agents.host.live_scene import LiveScene
+from bt_agents.host.node import LiveScene
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import AgentCard, HostCard, MoodRule, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg

@@ -16,7 +16,7 @@ from active_nodes import active_scene_layer
 from bt_agents.engine.run import Run as TreeRun
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
-from bt_agents.host.live_scene import LiveScene
+from bt_agents.host.node import LiveScene
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.msg import (
     Face,

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import time
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+
+from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.control_service import ControlService
@@ -16,7 +19,7 @@ from bt_agents.host.earlier_goals import EarlierGoals
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher
-from bt_agents.host.live_scene import LiveScene
+from bt_agents.host.live_scene import LiveSceneView
 from bt_agents.host.market_registration import NO_TOKEN, MarketRegistration
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect
@@ -27,9 +30,11 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.health import PartHealth
 from bt_agents_core.liveness import HEARTBEAT_S
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Bids, CallForBids, Heartbeat
+from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import SetProfile
 from bt_agents_language.files.folder_reader import Trees as TreesFolder
 from bt_agents_language.files.folder_reader import binding_problems, read_trees
@@ -42,7 +47,12 @@ from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.managed_node import ManagedNode, make_managed
 from bt_agents_ros.messages import scene_from_msg
-from bt_agents_ros.parameters import TREES, StartParameter, declare_slow_network
+from bt_agents_ros.parameters import (
+    TREES,
+    StartParameter,
+    declare_live_lease,
+    declare_slow_network,
+)
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import steady_timer
 
@@ -434,6 +444,38 @@ class HostNode(ManagedNode[HostConfiguration]):
                 sequence=self._beats % 2**32,
             )
         )
+
+
+class LiveScene:
+    """Subscription to the live scene, for the current run."""
+
+    def __init__(self, node: Node, space: SceneSpace) -> None:
+        self._node = node
+        self._space = space
+        self._view: LiveSceneView | None = None
+        self._lease_s = declare_live_lease(node, self._set_lease)
+        node.create_subscription(SceneMsg, "bt_agents/scene/live", self._on_live_scene, qos.SENSOR)
+
+    def begin_run(self, awarded: Scene) -> Callable[[], Scene]:
+        """Start with the scene of a run; return a function for its current state."""
+        self._view = LiveSceneView(awarded, time.monotonic, self._lease_s)
+        return self._view.now
+
+    def _set_lease(self, seconds: float) -> None:
+        self._lease_s = seconds
+        if self._view is not None:
+            self._view.lease_s = seconds
+
+    def _on_live_scene(self, message: SceneMsg) -> None:
+        view = self._view
+        if view is None or message.scene_id != view.scene_id:
+            return
+        try:
+            view.receive(scene_from_msg(message, self._space))
+        except Refused as refused:
+            self._node.get_logger().warning(
+                f"live scene refused: {refused}", throttle_duration_sec=5.0
+            )
 
 
 def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:
