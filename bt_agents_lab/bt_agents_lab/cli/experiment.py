@@ -155,9 +155,7 @@ def plot(name: str, output: Path, seeds: int) -> None:
 
     runs = range(seeds)
     judged = []
-    # First, so that nothing is computed in vain.
-    with drawing.writing_into(output):
-        pass
+    drawing.make_folder(output)
 
     def drawn_and_judged() -> Iterator[None]:
         """Yield after each step."""
@@ -237,9 +235,7 @@ def sweep(
         seed=spec.seed if seed is None else seed,
     )
     if output is not None:
-        # First, so that nothing is computed in vain.
-        with drawing.writing_into(output):
-            pass
+        drawing.make_folder(output)
     start = time.monotonic()
     with progress_bar() as progress:
         task = progress.add_task(spec.title, total=None)

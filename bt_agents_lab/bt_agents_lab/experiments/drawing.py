@@ -91,6 +91,16 @@ def writing_into(folder: Path) -> Iterator[None]:
         raise BtAgentsError(f"{folder}: {error.strerror}; name a folder to write into") from None
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder if it is missing, before anything is computed for it.
+
+    Raises:
+        BtAgentsError: It cannot be made.
+    """
+    with writing_into(folder):
+        pass
+
+
 def smooth(values: Floats, rounds: int) -> Floats:
     """Return the means over the last rounds up to each round, for values [..., T]."""
     sums = np.cumsum(values, axis=-1)

@@ -160,7 +160,7 @@ def run_system(
         console = Console()
         # Its discovery goes on while the trees are read.
         observer = new_observer()
-        heard_s = time.monotonic() + _LOOK_S
+        looks_until_s = time.monotonic() + _LOOK_S
         system = SupervisedSystem(
             processes,
             interrupt,
@@ -173,7 +173,7 @@ def run_system(
             folder = read_agents(trees, tags, partial(_print_broken, console))
             printer = EventPrinter(console, folder.scene.space)
             observer.notify(printer)
-            look_s = max(_LEAST_LOOK_S, heard_s - time.monotonic())
+            look_s = max(_LEAST_LOOK_S, looks_until_s - time.monotonic())
             system.spin_until(lambda: observer.market is not None, look_s)
             if observer.market is not None:
                 raise BtAgentsError(
