@@ -55,7 +55,7 @@ def test_killed_host_ends_no_service(start_up: Start, ask: Ask) -> None:
     kill_component(up, HOST)
     until_all(up, "attentive_guide lost", "agents is back")
     assert "attentive_guide" in ask(*MRS_SMITH)
-    until_all(up, "attentive_guide starts", GREETING)
+    until_all(up, "attentive_guide starts", "says: Hello")
     cancel_the_run(up, ask)
 
 
@@ -86,7 +86,7 @@ def test_next_scene_runs_after_long_pause(start_up: Start, ask: Ask) -> None:
             os.kill(pid, signal.SIGCONT)
     until_all(up, *(f"{name} is back" for name in ("marketplace", "agents", "robot", "feedback")))
     assert "attentive_guide" in ask(*MRS_SMITH)
-    until_all(up, "attentive_guide starts", GREETING)
+    until_all(up, "attentive_guide starts", "says: Hello")
     assert "hangs" not in up.output
     cancel_the_run(up, ask)
 
