@@ -227,6 +227,7 @@ def test_value_is_shown_and_written_unrounded(page: Page, host: Host) -> None:
     expect(row).to_contain_text("in the file 0.0004")
     row.get_by_role("button", name="As in the file").click()
     expect(field(page, "fine")).to_have_value("0.0004")
+    expect(undo(page)).to_contain_text("→ 0.0004 s")
     assert host.values == ["0.0004 s"]
 
 
@@ -261,8 +262,9 @@ def test_reset_profile_forgets_waiting_values(page: Page, host: Host) -> None:
     host.is_slow = True
     press(page, page.locator("#profile-guide-age"), 0.25)
     press(page, page.locator("#profile-guide-age"), 0.75)
-    profile.get_by_role("button", name="As in the file").click()
-    host.answer_late()
+    with page.expect_response("**/api/do/profiles"):
+        profile.get_by_role("button", name="As in the file").click()
+        host.answer_late()
     expect(profile.locator("output")).to_have_text("done")
     page.wait_for_timeout(300)  # no more requests
     assert [one["service"] for one in host.other] == ["feedback/give", "feedback/manage"]
@@ -358,6 +360,7 @@ def test_typed_value_survives_an_absent_studio(page: Page, host: Host) -> None:
     page.unroute("**/api/do/*")
     row.get_by_role("button", name="Set", exact=True).click()
     expect(row.get_by_role("button", name="Set", exact=True)).to_have_count(0)
+    expect(undo(page)).to_contain_text("8 s → 11.125 s")
     expect(field(page)).to_have_value("11.125")
     assert host.values == ["11.125 s"]
 

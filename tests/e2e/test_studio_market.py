@@ -141,8 +141,9 @@ def test_bids_reorder_while_scene_is_dragged(page: Page) -> None:
 
 def test_race_sends_last_scene_within_rate(page: Page, previews: PreviewingMarket) -> None:
     sent: list[str] = []
-    # The page also asks whether the studio runs, which sends no data.
-    page.on("request", lambda one: one.post_data and sent.append(one.post_data))
+    page.on(
+        "request", lambda one: "/api/do/dry_run" in one.url and sent.append(one.post_data or "")
+    )
     drag(page, 0.1)
     page.mouse.down()
     drag(page, *(0.1 + step * 0.02 for step in range(40)), 0.9)

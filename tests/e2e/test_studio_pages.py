@@ -255,8 +255,10 @@ def test_frozen_learning_rate_differs_from_the_file(page: Page) -> None:
     expect(panel).to_contain_text("it does not learn")
     page.get_by_label("Only differences from the file").check()
     expect(page.locator("#tunable-asker-patience")).to_have_count(0)
-    expect(page.locator("#tunable-asker-learning_rate")).to_have_value("0")
+    learning_rate = page.locator("#tunable-asker-learning_rate")
+    expect(learning_rate).to_have_value("0")
     panel.get_by_role("button", name="As in the file").first.click()
+    expect(learning_rate).to_have_count(0)
 
 
 def test_kept_change_is_previewed_before_writing(page: Page, folder: Path) -> None:
