@@ -107,7 +107,7 @@ class RobotNode(BaseNode):
         self._performed: list[_Performed] = []
         self._open_goals = 0
         self._stopping = False
-        self._transcript = self.create_publisher(String, "robot/transcript", qos.EVENTS)
+        self._transcript = self.create_publisher(String, "robot/transcript", qos.HISTORY)
         self._questions = self.create_publisher(String, "robot/questions", qos.EVENTS)
         self._open_questions = self.create_publisher(
             OpenQuestions, "robot/open_questions", qos.FACT

@@ -32,7 +32,7 @@ FACTS = _profile(QUEUE, DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELI
 """State on a topic of several publishers, or state whose every message counts."""
 
 HISTORY = _profile(50, DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE)
-"""Last decisions and runs: late joiners can ask why."""
+"""Last decisions, runs and acts of the robot: late joiners can ask why."""
 
 SENSOR = _profile(10, DurabilityPolicy.VOLATILE, ReliabilityPolicy.BEST_EFFORT)
 """Readings that newer ones soon replace."""

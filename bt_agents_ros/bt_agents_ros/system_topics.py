@@ -130,7 +130,7 @@ TOPICS = (
     _topic("robot/open_questions", "OpenQuestions", "FACT", "robot", "studio watch"),
     _topic("robot/questions", _TEXT, "EVENTS", "robot", "visitors"),
     _topic("robot/state", "RobotState", "FACT", "robot", "studio"),
-    _topic("robot/transcript", _TEXT, "EVENTS", "robot", "studio visitors watch"),
+    _topic("robot/transcript", _TEXT, "HISTORY", "robot", "studio visitors watch"),
     _topic("scene_layer/trigger", _BEAT, "EVENTS", "operate visitors", "scene_layer"),
     _topic("scene_layer/transition_event", _STATE, "EVENTS", "scene_layer", "watch"),
     _topic("sound", _TEXT, "EVENTS", "", "robot"),

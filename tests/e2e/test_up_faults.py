@@ -20,8 +20,6 @@ pytestmark = pytest.mark.e2e
 
 MRS_SMITH = ("trigger", "age=4.5", "familiarity=1", "mood=3")
 HOST = "bt_agents.host.node"
-GREETING = "Hello. I carry"
-"""In a line of the tree and in one of the robot; a busy machine may lose the first of either."""
 
 
 def kill_component(up: Program, module: str, number: int = signal.SIGKILL) -> None:
@@ -32,7 +30,7 @@ def kill_component(up: Program, module: str, number: int = signal.SIGKILL) -> No
 def up_with_a_run(start_up: Start, ask: Ask) -> Program:
     up = start_up()
     assert "attentive_guide" in ask(*MRS_SMITH)
-    up.until(GREETING)
+    up.until("says: Hello")
     return up
 
 

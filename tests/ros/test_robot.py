@@ -100,6 +100,8 @@ def test_action_succeeds_and_is_written_down(ros, action, goal, message, line):
     status, result = robot.do(action, **goal)
     assert (status, result.message) == (GoalStatus.STATUS_SUCCEEDED, message)
     ros.until(lambda: robot.lines == [line])
+    late = ros.collect(String, "robot/transcript", qos.FACTS)
+    ros.until(lambda: [act.data for act in late] == [line])
 
 
 def test_drive_reports_remaining_distance(ros):

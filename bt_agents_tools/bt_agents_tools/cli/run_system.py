@@ -172,7 +172,8 @@ def run_system(
         with system.ending():
             folder = read_agents(trees, tags, partial(_print_broken, console))
             printer = EventPrinter(console, folder.scene.space)
-            observer.notify(printer)
+            modules = {module for component in processes for module in component.modules}
+            observer.notify(printer, is_new_robot="bt_agents_robot.robot" in modules)
             look_s = max(_LEAST_LOOK_S, looks_until_s - time.monotonic())
             system.spin_until(lambda: observer.market is not None, look_s)
             if observer.market is not None:
@@ -206,9 +207,7 @@ def _is_ready(system: SupervisedSystem, agents: int) -> bool:
     """Return whether all agents are registered, topics discovered, and any journal records."""
     observer, processes = system.observer, system.processes
     recorded = any(component.name == "journal" for component in processes)
-    heard = ["bt_agents/scene", "agents/status", "bt_agents/feedback"]
-    if any("bt_agents_robot.robot" in component.modules for component in processes):
-        heard.append("robot/transcript")
+    heard = ("bt_agents/scene", "agents/status", "bt_agents/feedback")
     ready = observer.ready(agents) and observer.services_ready()
     return ready and (observer.is_recorded() or not recorded) and all(map(observer.hears, heard))
 

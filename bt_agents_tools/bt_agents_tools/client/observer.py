@@ -150,8 +150,14 @@ class Observer(SystemClient):
         self._subscribe("bt_agents/profiles", self._on_profiles, qos.FACT)
         self._notified: list[Any] = []
 
-    def notify(self, listener: Listener) -> None:
-        """Subscribe to all events, and call a listener for each."""
+    def notify(self, listener: Listener, *, is_new_robot: bool) -> None:
+        """Subscribe to all events, and call a listener for each.
+
+        Args:
+            listener: Takes the events.
+            is_new_robot: Whether the robot starts later; what another robot did before is left
+                out.
+        """
         self._listener = listener
         buffer = _EventBuffer(self.node)
         for topic, deliver, links, profile in (
@@ -161,12 +167,15 @@ class Observer(SystemClient):
             ("bt_agents/scene", listener.scene, scene_links, qos.EVENTS),
             ("bt_agents/market", listener.market, no_links, qos.FACT),
             ("bt_agents/scene/live", listener.live, no_links, qos.SENSOR),
-            # A restarted market may publish these before its discovery.
+            # A restarted market or robot may publish these before it has discovered this node.
             ("bt_agents/auctions", listener.auction, auction_links, qos.FACTS),
             ("bt_agents/runs", listener.run, run_links, qos.FACTS),
             ("bt_agents/scene_ends", listener.end, scene_end_links, qos.FACTS),
+            (
+                *("robot/transcript", lambda m: listener.act(m.data), no_links),
+                qos.FACTS if is_new_robot else qos.EVENTS,
+            ),
             ("agents/status", listener.tree, tree_links, qos.EVENTS),
-            ("robot/transcript", lambda m: listener.act(m.data), no_links, qos.EVENTS),
             ("bt_agents/feedback", listener.feedback, feedback_links, qos.EVENTS),
             ("agents/tunings", listener.tunings, no_links, qos.FACT),
         ):

@@ -120,7 +120,7 @@ def test_observer_returns_only_printable_messages_and_responses(
     told: list[Any] = []
     listener = {name: lambda *given: told.extend(given) for name in LISTENED}
     one = Observer()
-    one.notify(SimpleNamespace(**listener))
+    one.notify(SimpleNamespace(**listener), is_new_robot=True)
     monkeypatch.setattr(observer, "time", SimpleNamespace(monotonic=lambda: 1e9))
     for timer in graph:
         timer()
