@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from functools import partial
 
-from bt_agents_core.field_types import BindingKind, Plain
+from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_language.fields.interfaces import (
     Interfaces,
     MessageFields,
@@ -111,7 +111,14 @@ class Outputs:
         self.result_fields = MessageFields(received, kind, type_name or "", RECEIVED.get(kind, ""))
         self._feedback_fields = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
 
-    def read(self, reading: TypedReader, name: str, node: Node, what: str) -> None:
+    def read(
+        self,
+        reading: TypedReader,
+        name: str,
+        node: Node,
+        what: str,
+        wanted: FieldType = FieldType.ANY,
+    ) -> None:
         """Store the source of an output, or report that it is wrong.
 
         A source is a path such as ``answer``, ``result.answer`` or ``feedback.progress``.
@@ -120,8 +127,14 @@ class Outputs:
         if self._is_action and isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}."):
             fields, message, found = self._feedback_fields, FEEDBACK, self.feedback
         path = read_output(reading, node, what, fields, message)
-        if path is not None:
-            found[name] = path
+        if path is None:
+            return
+        found[name] = path
+        if not may_be_sent(given := fields.type_of(path), wanted):
+            problem = f"output '{name}': expected {EXPECTED[wanted]}, but '{path}' is "
+            reading.error(
+                "wrong-value", node, problem + EXPECTED[given], f"declare it with 'type: {given.value}'"
+            )
 
 
 def _interface(kind: BindingKind) -> KeyTable:

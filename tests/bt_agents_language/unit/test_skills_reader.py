@@ -225,13 +225,24 @@ def test_input_of_other_type_cannot_fill_field() -> None:
     go(inputs + ACTION.replace("}", goal.replace("$", "to $")), interfaces=Texts())
 
 
-def test_another_robot_binds_output_to_own_feedback() -> None:
-    words = f"""
+BOUND = f"""
 format: 1
 skills: {{go: {{outputs: {{left: {{type: number}}}}}}}}
 bindings: {{go: {{outputs: {{left: feedback.good}}, {ACTION}}}}}
 """
-    binding = read_skills_text(words, "s.yaml", KNOWN)["go"].binding
+
+
+def test_output_has_the_type_of_its_field() -> None:
+    problem = "output 'left': expected a number, but 'good' is a text"
+    with pytest.raises(ReadError, match=problem):
+        go(ACTION, LEFT % "good", Texts())
+    with pytest.raises(ReadError, match=problem):
+        read_skills_text(BOUND, "s.yaml", Texts())
+    go(ACTION, LEFT.replace("number", "text") % "good", Texts())
+
+
+def test_another_robot_binds_output_to_own_feedback() -> None:
+    binding = read_skills_text(BOUND, "s.yaml", KNOWN)["go"].binding
     assert (binding.outputs, binding.feedback) == ({}, {"left": "good"})
 
 
