@@ -132,9 +132,8 @@ class Outputs:
         found[name] = path
         if not may_be_sent(given := fields.type_of(path), wanted):
             problem = f"output '{name}': expected {EXPECTED[wanted]}, but '{path}' is "
-            reading.error(
-                "wrong-value", node, problem + EXPECTED[given], f"declare it with 'type: {given.value}'"
-            )
+            hint = f"declare it with 'type: {given.value}'"
+            reading.error("wrong-value", node, problem + EXPECTED[given], hint)
 
 
 def _interface(kind: BindingKind) -> KeyTable:
