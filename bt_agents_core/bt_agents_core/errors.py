@@ -13,7 +13,15 @@ class BtAgentsError(Exception):
 
 
 class NodeMustEnd(BtAgentsError):
-    """Reason for a node to end; unlike other exceptions of a callback, it ends the process."""
+    """Reason for a node to end; unlike other exceptions of a callback, it ends the process.
+
+    Attributes:
+        exit_code: Of the process; ``os.EX_CONFIG`` if the node must not run here.
+    """
+
+    def __init__(self, reason: str, exit_code: int = 1) -> None:
+        super().__init__(reason)
+        self.exit_code = exit_code
 
 
 LONGEST_REASON = 500

@@ -264,13 +264,7 @@ class VisitorsNode(BaseNode):
     # Subscriptions
 
     def _on_market(self, message: Any) -> None:
-        market = MarketView(
-            epoch=message.epoch,
-            idle=message.state == MarketStatus.IDLE and not message.queued,
-            agents=message.agents,
-            finished_scene_id=message.finished_scene_id,
-        )
-        self._performance.market(market, time.monotonic())
+        self._performance.market(MarketView.of(message), time.monotonic())
 
     def _on_scene(self, message: Any) -> None:
         if self._awaiting_scene:

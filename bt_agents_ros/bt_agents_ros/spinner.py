@@ -119,7 +119,8 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     ``make_node`` is called after ``rclpy.init``; if it raises, the process ends with one line.
 
     Returns:
-        Exit code: 0 after a clean stop, 1 when the node could not be created or had to end.
+        Exit code: 0 after a clean stop, 1 when the node could not be created, and that of
+        :class:`NodeMustEnd` when it had to end.
     """
     return run_together((make_node,), args, bus=nullcontext)
 
@@ -199,7 +200,7 @@ def _spin(spinner: Spinner, interrupt: Interrupt) -> int:
                         )
         except NodeMustEnd as reason:
             print(f"error: {reason}", file=sys.stderr)
-            code = 1
+            code = reason.exit_code
         stopping = [node for node in spinner.nodes if isinstance(node, Stopping)]
         for node in stopping:
             if rclpy.ok():

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from bt_agents_core.scene import first_id
 from bt_agents_core.text import folded
@@ -25,6 +26,16 @@ class MarketView:
     idle: bool
     agents: int
     finished_scene_id: str
+
+    @classmethod
+    def of(cls, message: Any) -> MarketView:
+        """Return the state in a ``MarketStatus.msg``."""
+        return cls(
+            epoch=message.epoch,
+            idle=message.state == message.IDLE and not message.queued,
+            agents=message.agents,
+            finished_scene_id=message.finished_scene_id,
+        )
 
 
 class ScriptPerformance:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 from bt_agents_interfaces.msg import MarketHeartbeat, Run
@@ -140,6 +142,6 @@ def test_market_replaced_during_hang_gives_way(system: System) -> None:
     first.expect_end()
     first.go_on()
     system.until(lambda: first.exit_code is not None, "the end of the first market")
-    assert first.exit_code == 1
+    assert first.exit_code == os.EX_CONFIG
     assert f"another marketplace is alive here: epoch '{epoch}', node /marketplace" in first.said
     assert second.exit_code is None

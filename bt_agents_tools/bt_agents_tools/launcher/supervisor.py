@@ -406,8 +406,8 @@ class Supervisor:
             Events since the last call, as lines for a terminal.
 
         Raises:
-            BtAgentsError: A component has ended that is needed and was never up, or that does not
-            restart.
+            BtAgentsError: A component has ended that is needed and was never up, that does not
+            restart, or that found soon after its first start that it must not run here.
         """
         events, self._events = self._events, []
         now = self._clock()
@@ -460,14 +460,17 @@ class Supervisor:
         return events
 
     def _schedule_restart(self, one: _Supervised, code: int, now: float) -> list[str]:
-        if not one.component.restarts or (one.component.needed and not one.been_up):
+        lived_s = 0.0 if one.up_at is None else now - one.up_at
+        is_refused = code == os.EX_CONFIG and one.starts == 1 and lived_s < _STEADY_LIFE_S
+        is_needed = one.component.needed and not one.been_up
+        if is_needed or is_refused or not one.component.restarts:
             raise BtAgentsError(_failure_text(one, code))
         one.close()
         one.last_heartbeat = None
         one.last_exit = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
         one.inactive.clear()
         one.ended_at = one.ended_at if one.ended_at is not None else now
-        wait_s = one.backoff.next_wait(0.0 if one.up_at is None else now - one.up_at)
+        wait_s = one.backoff.next_wait(lived_s)
         one.since, one.restart_at = now, now + wait_s
         name = one.component.name
         when = f"in {wait_s:g} s" if wait_s else "at once"

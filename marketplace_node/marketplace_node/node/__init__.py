@@ -357,7 +357,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         if self._other_market.gives_way(
             heartbeat.epoch, heartbeat.sequence, self._heartbeats_sent
         ):
-            raise NodeMustEnd(another_market_text(self, heartbeat.epoch))
+            raise NodeMustEnd(another_market_text(self, heartbeat.epoch), os.EX_CONFIG)
 
     def _execute(self, effects: list[Effect]) -> None:
         self._due.extend(effects)

@@ -10,7 +10,6 @@ from typing import Any
 from rclpy.node import Node
 
 from bt_agents_core.scene import Scene
-from bt_agents_interfaces.msg import MarketStatus
 from bt_agents_language.model.specs import Script, Visit
 from bt_agents_ros.parameters import declare, describe
 from bt_agents_ros.timers import steady_timer
@@ -65,13 +64,7 @@ class ScriptPlayer:
 
     def market(self, message: Any) -> None:
         """Handle the state of the market."""
-        market = MarketView(
-            epoch=message.epoch,
-            idle=message.state == MarketStatus.IDLE and not message.queued,
-            agents=message.agents,
-            finished_scene_id=message.finished_scene_id,
-        )
-        self._performance.market(market, time.monotonic())
+        self._performance.market(MarketView.of(message), time.monotonic())
         self.play()
 
     def play(self) -> None:

@@ -336,6 +336,20 @@ def test_end_of_non_restarting_component_is_an_error(watched: Watched) -> None:
         watched.end("visitors", pid)
 
 
+@pytest.mark.parametrize("lives_s", [9.0, 11.0])
+def test_only_a_new_component_can_be_refused(watched: Watched, lives_s: float) -> None:
+    ends = UP_FOR_EVER.replace("_exit(0)", "_exit(os.EX_CONFIG)")
+    watched.start(watched.write("marketplace", ends))
+    pid = watched.up("marketplace")
+    watched.wait(lives_s)
+    os.kill(pid, signal.SIGTERM)
+    if lives_s < 10.0:
+        with pytest.raises(BtAgentsError, match=r"marketplace ended with exit code 78; "):
+            watched.until(bool)
+    else:
+        assert "exit code 78: starting it again" in watched.until(bool)[0]
+
+
 def test_system_continues_without_optional_component(watched: Watched) -> None:
     watched.start(replace(watched.write("studio", BROKEN), needed=False))
     for wait in ("0.5", "1"):
