@@ -6,6 +6,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 import rclpy
@@ -168,16 +169,20 @@ def make_from_parameters(
 ) -> NodeT:
     """Return a node that is constructed from the parameters of its process; ``make`` may raise.
 
-    A temporary node reads them; then the node itself declares them, too.
+    A temporary node reads them; then the node itself declares them, too. A second one keeps the
+    participant of the process meanwhile: Fast DDS sometimes hangs while it ends a participant.
     """
-    reader = rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
+    bare = partial(rclpy.create_node, start_parameter_services=False, enable_rosout=False)
+    keeper = bare(f"_{name}", use_global_arguments=False)
     try:
+        reader = bare(name)
         values = {p.name: str(declare_start(reader, p)) for p in parameters}
+        reader.destroy_node()
+        check_interrupt()
+        node = make(values)
     finally:
         with ending_in_time():
-            reader.destroy_node()
-    check_interrupt()
-    node = make(values)
+            keeper.destroy_node()
     for parameter in parameters:
         declare_start(node, parameter)
     return node

@@ -69,6 +69,24 @@ with bounded_end.ending_in_time():
 """
 
 
+READING = """
+import rclpy
+from std_msgs.msg import Empty
+from bt_agents_ros.parameters import TREES, make_from_parameters
+
+def make(values):
+    node = rclpy.create_node("reader")
+    node.create_publisher(Empty, "told", 1)
+    print(values["trees"], *node.get_node_names())
+    return node
+
+rclpy.init(args=["--ros-args", "-r", "__node:=late", "-p", "late:trees:=here"])
+node = make_from_parameters("reader", (TREES,), make)
+[told] = node.get_publishers_info_by_topic("told")
+print(told.node_name, *node.get_node_names())
+"""
+
+
 def ended(number: signal.Signals, *, before: int = 0, inside: int = 0) -> tuple[int, str]:
     """Run a node that signals itself; return its exit code and output."""
     return printed(PROGRAM.format(signal=number.name, before=before, inside=inside))
@@ -123,6 +141,10 @@ def test_unreadable_ros_argument_is_one_error() -> None:
         "error: ROS cannot start: failed to initialize rcl: Couldn't parse params file" in lines[1]
     )
     assert "Traceback" not in lines[1]
+
+
+def test_start_keeps_the_participant_of_its_process() -> None:
+    assert printed(READING) == (0, "here _reader late\nlate late\n")
 
 
 def test_hanging_start_ends_with_traceback() -> None:

@@ -112,12 +112,7 @@ class Outputs:
         self._feedback_fields = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
 
     def read(
-        self,
-        reading: TypedReader,
-        name: str,
-        node: Node,
-        what: str,
-        wanted: FieldType = FieldType.ANY,
+        self, reading: TypedReader, name: str, node: Node, what: str, wanted: FieldType
     ) -> None:
         """Store the source of an output, or report that it is wrong.
 

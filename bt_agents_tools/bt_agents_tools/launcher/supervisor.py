@@ -462,8 +462,8 @@ class Supervisor:
     def _schedule_restart(self, one: _Supervised, code: int, now: float) -> list[str]:
         lived_s = 0.0 if one.up_at is None else now - one.up_at
         is_refused = code == os.EX_CONFIG and one.starts == 1 and lived_s < _STEADY_LIFE_S
-        is_needed = one.component.needed and not one.been_up
-        if is_needed or is_refused or not one.component.restarts:
+        never_up = one.component.needed and not one.been_up
+        if never_up or is_refused or not one.component.restarts:
             raise BtAgentsError(_failure_text(one, code))
         one.close()
         one.last_heartbeat = None
