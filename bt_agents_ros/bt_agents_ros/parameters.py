@@ -176,8 +176,10 @@ def make_from_parameters(
     keeper = bare(f"_{name}", use_global_arguments=False)
     try:
         reader = bare(name)
-        values = {p.name: str(declare_start(reader, p)) for p in parameters}
-        reader.destroy_node()
+        try:
+            values = {p.name: str(declare_start(reader, p)) for p in parameters}
+        finally:
+            reader.destroy_node()
         check_interrupt()
         node = make(values)
     finally:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
@@ -27,6 +27,7 @@ from bt_agents_language.fields.values import (
 from bt_agents_language.model.specs import (
     Binding,
     ErrorCodeSpec,
+    FieldSpec,
     HeartbeatSpec,
     MapValue,
     Timeouts,
@@ -95,6 +96,12 @@ ERROR_CODE = KeyTable(
 class Outputs:
     """Sources of an interface's outputs: output name → field path.
 
+    Args:
+        kind: Kind of the interface.
+        type_name: Its ROS type, if known.
+        interfaces: Source of the types.
+        declared: Outputs whose declared types their fields must have.
+
     Attributes:
         result: Outputs that arrive at the end.
         feedback: Outputs that arrive during an action.
@@ -102,8 +109,13 @@ class Outputs:
     """
 
     def __init__(
-        self, kind: BindingKind, type_name: str | None, interfaces: Interfaces | None
+        self,
+        kind: BindingKind,
+        type_name: str | None,
+        interfaces: Interfaces | None,
+        declared: Iterable[FieldSpec] = (),
     ) -> None:
+        self._types = {one.name: one.type for one in declared}
         self.result: dict[str, str] = {}
         self.feedback: dict[str, str] = {}
         self._is_action = kind is BindingKind.ACTION
@@ -111,9 +123,7 @@ class Outputs:
         self.result_fields = MessageFields(received, kind, type_name or "", RECEIVED.get(kind, ""))
         self._feedback_fields = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
 
-    def read(
-        self, reading: TypedReader, name: str, node: Node, what: str, wanted: FieldType
-    ) -> None:
+    def read(self, reading: TypedReader, name: str, node: Node, what: str) -> None:
         """Store the source of an output, or report that it is wrong.
 
         A source is a path such as ``answer``, ``result.answer`` or ``feedback.progress``.
@@ -125,6 +135,7 @@ class Outputs:
         if path is None:
             return
         found[name] = path
+        wanted = self._types.get(name, FieldType.ANY)
         if not may_be_sent(given := fields.type_of(path), wanted):
             problem = f"output '{name}': expected {EXPECTED[wanted]}, but '{path}' is "
             hint = f"declare it with 'type: {given.value}'"

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from bt_agents_core.field_types import BindingKind, FieldType
+from bt_agents_core.field_types import BindingKind
 from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.bindings import INTERFACES, RECEIVED, Outputs, read_binding
@@ -106,7 +106,7 @@ def _outputs(
     what: str,
     inline: bool,
 ) -> Outputs:
-    outputs = Outputs(kind, type_name, interfaces)
+    outputs = Outputs(kind, type_name, interfaces, skill.outputs)
     if fields.get("outputs") is not None and kind not in RECEIVED:
         reading.error(
             "unknown-key",
@@ -115,34 +115,30 @@ def _outputs(
             "remove 'outputs'",
         )
     elif inline:
-        _read_declared(reading, fields, outputs, skill)
+        _read_declared(reading, fields, outputs)
     else:
         _read_bound(reading, fields, outputs, skill, what)
     return outputs
 
 
-def _read_declared(
-    reading: TypedReader, fields: MappingReader, outputs: Outputs, skill: SkillSpec
-) -> None:
-    types = {one.name: one.type for one in skill.outputs}
+def _read_declared(reading: TypedReader, fields: MappingReader, outputs: Outputs) -> None:
     for entry in fields.entries("outputs"):
         source: Node = entry.key
         if isinstance(entry.value, MappingNode):
             source = entry.value.get("from") or entry.key
-        name = entry.key.text
-        outputs.read(reading, name, source, "'from'", types.get(name, FieldType.ANY))
+        outputs.read(reading, entry.key.text, source, "'from'")
 
 
 def _read_bound(
     reading: TypedReader, fields: MappingReader, outputs: Outputs, skill: SkillSpec, what: str
 ) -> None:
-    declared = {one.name: one.type for one in skill.outputs}
+    declared = [one.name for one in skill.outputs]
     for entry in fields.entries("outputs"):
         name = entry.key.text
         if name in declared and isinstance(entry.value, Scalar) and entry.value.text == NOTHING:
             continue
         if name in declared:
-            outputs.read(reading, name, entry.value, f"output '{name}'", declared[name])
+            outputs.read(reading, name, entry.value, f"output '{name}'")
             continue
         message = f"skill '{skill.name}' has no output {quote(name)}"
         hint = did_you_mean(name, declared) or "remove it"

@@ -122,6 +122,5 @@ def _outputs(reader: NodeReader, fields: MappingReader, kind: BindingKind) -> Ou
     outputs = Outputs(kind, type_name, reader.interfaces)
     for entry in fields.entries("outputs", "names and fields"):
         name = entry.key.text
-        what = f"output '{name[:40]}'"
-        outputs.read(reader.reading, name, entry.value, what, FieldType.ANY)
+        outputs.read(reader.reading, name, entry.value, f"output '{name[:40]}'")
     return outputs

@@ -150,12 +150,11 @@ def run_system(
     set_discovery(os.environ)
     who = f"'bt-agents {command}' of {trees.resolve()} (process {os.getpid()})"
     hold_parts([name for one in processes for name in one.parts or (one.name,)], who)
-    # It loads the modules of the nodes while this process loads its own.
+    modules = [one for component in processes for one in component.modules]
     with (
         closing(studio.listening) if studio is not None else nullcontext(),
-        closing(
-            ForkServer(one for component in processes for one in component.modules)
-        ) as fork_server,
+        # It loads the modules of the nodes while this process loads its own.
+        closing(ForkServer(modules)) as fork_server,
     ):
         console = Console()
         # Its discovery goes on while the trees are read.
@@ -172,7 +171,6 @@ def run_system(
         with system.ending():
             folder = read_agents(trees, tags, partial(_print_broken, console))
             printer = EventPrinter(console, folder.scene.space)
-            modules = {module for component in processes for module in component.modules}
             observer.notify(printer, is_new_robot="bt_agents_robot.robot" in modules)
             look_s = max(_LEAST_LOOK_S, looks_until_s - time.monotonic())
             system.spin_until(lambda: observer.market is not None, look_s)

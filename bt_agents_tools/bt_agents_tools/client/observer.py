@@ -155,11 +155,12 @@ class Observer(SystemClient):
 
         Args:
             listener: Takes the events.
-            is_new_robot: Whether the robot starts later; what another robot did before is left
-                out.
+            is_new_robot: Whether the robot starts after this call; the earlier acts of a running
+                robot are left out.
         """
         self._listener = listener
         buffer = _EventBuffer(self.node)
+        acts = qos.FACTS if is_new_robot else qos.EVENTS
         for topic, deliver, links, profile in (
             ("visitors/current", lambda m: listener.visitor(m.data), no_links, qos.FACT),
             ("visitors/remarks", lambda m: listener.remark(m.data), no_links, qos.FACTS),
@@ -171,10 +172,7 @@ class Observer(SystemClient):
             ("bt_agents/auctions", listener.auction, auction_links, qos.FACTS),
             ("bt_agents/runs", listener.run, run_links, qos.FACTS),
             ("bt_agents/scene_ends", listener.end, scene_end_links, qos.FACTS),
-            (
-                *("robot/transcript", lambda m: listener.act(m.data), no_links),
-                qos.FACTS if is_new_robot else qos.EVENTS,
-            ),
+            ("robot/transcript", lambda m: listener.act(m.data), no_links, acts),
             ("agents/status", listener.tree, tree_links, qos.EVENTS),
             ("bt_agents/feedback", listener.feedback, feedback_links, qos.EVENTS),
             ("agents/tunings", listener.tunings, no_links, qos.FACT),
