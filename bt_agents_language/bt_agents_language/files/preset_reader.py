@@ -7,6 +7,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from bt_agents_core.diagnostic import Diagnostic, Position
 from bt_agents_core.text import quote
@@ -65,10 +66,17 @@ class Preset:
     positions: Mapping[str, Position]
 
 
-def read_preset(file: Path | Source, agents: Collection[AgentSpec] = ()) -> Preset:
+def read_preset(
+    file: Path | Source,
+    agents: Collection[AgentSpec] = (),
+    taken: Mapping[str, Path] = MappingProxyType({}),
+) -> Preset:
     """Return the preset of a file, or raise a ``ReadError`` with all problems.
 
-    Values of tunables of these agents must be possible, as the host refuses the others.
+    Args:
+        file: The file.
+        agents: Values of their tunables must be possible, as the host refuses the others.
+        taken: Names of other presets, with their files.
     """
     tunables = {(one.name, its.name): its for one in agents for its in one.tunables}
     with TypedReader.of(file) as reading:
@@ -76,6 +84,9 @@ def read_preset(file: Path | Source, agents: Collection[AgentSpec] = ()) -> Pres
         name = fields.text("preset")
         if name and (problem := name_problem(name)):
             reading.error("bad-name", fields.nodes["preset"], problem)
+        elif name in taken:
+            message = f"{taken[name]} holds the preset {quote(name)} already"
+            reading.error("duplicate-preset", fields.nodes["preset"], message)
         values: dict[str, str] = {}
         positions: dict[str, Position] = {}
         for of_agent in fields.entries("values"):

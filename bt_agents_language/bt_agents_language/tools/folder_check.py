@@ -12,7 +12,13 @@ from bt_agents_core.diagnostic import Diagnostic, Position
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.diagnostics.collection import merged, warning
 from bt_agents_language.fields.interfaces import Interfaces, OfInstalledPackages
-from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
+from bt_agents_language.files.folder_reader import (
+    SUFFIXES,
+    TEST_SUFFIXES,
+    Trees,
+    read_trees,
+    yaml_files,
+)
 from bt_agents_language.files.market_reader import MARKET_FILE, read_market, unknown_agents
 from bt_agents_language.files.preset_reader import PRESETS_FOLDER, read_preset, unknown_values
 from bt_agents_language.files.scene_reader import read_scene
@@ -31,6 +37,9 @@ from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
 from bt_agents_language.tools.lint import cut_texts, lint, unused_inputs
 from bt_agents_language.yaml.source import Source, read_source
+
+_DEPENDENT = ("libraries", "agents", "scripts", FOLDER, PRESETS_FOLDER)
+"""Folders with files that need the scene and the skills."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +85,7 @@ class _FolderCheck:
         self._only = None if only is None else [_real(path) for path in only]
         # In the order of reading; the same problem may be found in several ways.
         self._found: dict[Diagnostic, None] = {}
+        self._presets: dict[str, Path] = {}
 
     def run(self) -> Checked:
         """Check everything."""
@@ -85,7 +95,7 @@ class _FolderCheck:
         others = yaml_files(folder / "scenes")
         dependent = [
             path
-            for name in ("libraries", "agents", "scripts", FOLDER, PRESETS_FOLDER)
+            for name in _DEPENDENT
             for path in yaml_files(folder / name, tests=True)
         ]
         if (folder / MARKET_FILE).exists():
@@ -109,6 +119,8 @@ class _FolderCheck:
                 with self._guarded(path):
                     self._add(cut_texts(source))
         self._add(_bad_plugin(folder, words) for words in plugin_problems)
+        for path in filter(self._is_wanted, _unread_files(folder)):
+            self._add([_passed_over(path)])
         return Checked(
             problems=tuple(_with_excerpts(_by_file(merged(self._found)))),
             agents=tuple(agent.name for agent in agents),
@@ -226,7 +238,8 @@ class _FolderCheck:
             self._add(unknown_agents(rules, [agent.name for agent in trees.agents]))
 
     def _add_preset(self, trees: Trees, path: Path) -> None:
-        preset = read_preset(path, trees.agents)
+        preset = read_preset(path, trees.agents, self._presets)
+        self._presets[preset.name] = path
         if not trees.broken:
             self._add(unknown_values(preset, trees.agents))
 
@@ -244,6 +257,27 @@ def _real(path: Path) -> Path:
         return path.resolve()
     except RuntimeError:
         return path.parent.resolve() / path.name
+
+
+def _unread_files(folder: Path) -> Iterator[Path]:
+    """Yield YAML files that are one folder too deep, or have a suffix in capital letters."""
+    for name in ("skills", "scenes", *_DEPENDENT):
+        read = yaml_files(folder / name, tests=True)
+        for path in sorted([*(folder / name).glob("*"), *(folder / name).glob("*/*")]):
+            if path.suffix.lower() in SUFFIXES and path not in read and path.is_file():
+                hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
+                if not hidden:
+                    yield path
+
+
+def _passed_over(path: Path) -> Diagnostic:
+    return warning(
+        "passed-over",
+        Position(file=str(path), line=1, column=1),
+        1,
+        "bt-agents does not read this file",
+        "files are directly in a folder such as agents, and end in .yaml or .yml",
+    )
 
 
 def _bad_plugin(folder: Path, words: str) -> Diagnostic:

@@ -101,6 +101,21 @@ def test_unknown_values_of_a_preset_are_warnings(trees):
     ]
 
 
+def test_preset_of_a_taken_name_is_an_error(trees):
+    for name in ("evening", "morning"):
+        write(f"presets/{name}.yaml", "format: 1\npreset: dusk\nvalues: {one: {learning_rate: 0}}\n")
+    assert found() == ["trees/presets/morning.yaml:2 duplicate-preset"]
+
+
+def test_unread_files_of_a_folder_are_warnings(trees):
+    for path in ("agents/a/two.yaml", "agents/THREE.YAML", "agents/.git/x.yaml", "texts/read.me"):
+        write(path, "")
+    assert found() == [
+        "trees/agents/THREE.YAML:1 passed-over",
+        "trees/agents/a/two.yaml:1 passed-over",
+    ]
+
+
 def test_values_of_a_preset_are_possible_ones(trees):
     tunable = "tunables: {x: {default: 8 s, min: 2 s, max: 30 s, step: 2 s}}\n"
     write("agents/one.yaml", GOOD.format("one") + tunable)
