@@ -32,7 +32,6 @@ _FIXED: ResultColumns = {
     "scene_id": str,
     "scene": str,
     "strategy": str,
-    "preview": bool,
     "outcome": str,
     "agent": str,
     "host": str,
@@ -86,7 +85,6 @@ def _rows_of_round(
         "scene_id": terms.scene.scene_id,
         "scene": terms.scene.label,
         "strategy": terms.strategy,
-        "preview": terms.preview,
     }
     values = terms.scene.values
     names = [value.name for value in values]

@@ -366,7 +366,8 @@ class MarketRegistration:
         self._registry.apply_registration(names, ids, reasons)
         after = {n: (m.agent_id, m.refusal) for n, m in self._registry.members.items()}
         for name, (_, refusal) in after.items():
-            if refusal and refusal != before[name][1]:
+            # A refusal of the host has been logged already.
+            if self.accepted and refusal and refusal != before[name][1]:
                 self._node.get_logger().error(f"agent '{name}' is not registered: {refusal}")
         if changed or after != before:
             self._changed()

@@ -128,7 +128,7 @@ def _expected(value: Value) -> str:
     """Return the allowed values for people: ``number, 0 to 1`` or ``list, each: name``."""
     match value:
         case Single(form=Form.NUMBER | Form.INTEGER, minimum=low, maximum=high):
-            limits = [f"{limit:g}" for limit in (low, high) if limit is not None]
+            limits = [f"{limit:.15g}" for limit in (low, high) if limit is not None]
             bounds = " to ".join(limits) if high is not None else "".join(limits) + " or more"
             return f"{value.form.value}, {bounds}" if limits else value.form.value
         case Single():

@@ -93,8 +93,8 @@ def named_parts(text: str) -> frozenset[str]:
     return frozenset(names)
 
 
-def read_agents(trees: Path, tags: str, show: Callable[[str], None]) -> Trees:
-    """Return the agents with one of some tags; show the report on what is broken, if anything.
+def read_agents(trees: Path, tags: str) -> Trees:
+    """Return the agents with one of some tags; report broken files on standard error.
 
     Raises:
         BtAgentsError: There is none.
@@ -105,7 +105,7 @@ def read_agents(trees: Path, tags: str, show: Callable[[str], None]) -> Trees:
 
     folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
     if folder.broken:
-        show(folder.report)
+        click.echo(f"left out, the other agents run:\n{folder.report}", err=True)
     if not folder.agents:
         raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
     return folder

@@ -10,7 +10,6 @@ import webbrowser
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from socket import socket
@@ -169,7 +168,7 @@ def run_system(
             fleet=fleet,
         )
         with system.ending():
-            folder = read_agents(trees, tags, partial(_print_broken, console))
+            folder = read_agents(trees, tags)
             printer = EventPrinter(console, folder.scene.space)
             observer.notify(printer, is_new_robot="bt_agents_robot.robot" in modules)
             look_s = max(_LEAST_LOOK_S, looks_until_s - time.monotonic())
@@ -194,11 +193,6 @@ def run_system(
                 printer.summary()
                 console.print(f"done in {time.monotonic() - begun_s:.0f} s")
     return visitors is None or bool(interrupt) or not printer.remarks
-
-
-def _print_broken(console: Console, report: str) -> None:
-    console.print("[yellow]left out, the other agents run:[/]")
-    console.print(report, markup=False, highlight=False, soft_wrap=True)
 
 
 def _is_ready(system: SupervisedSystem, agents: int) -> bool:

@@ -248,7 +248,8 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
 
     def begin_stop(self) -> None:
         """Stop the running tree, so that it does not continue without a market."""
-        self._execute(self._market.shut_down("the marketplace is shutting down", time.monotonic()))
+        now = "is shutting down" if self.process_ends else "has been deactivated"
+        self._execute(self._market.shut_down(f"the marketplace {now}", time.monotonic()))
 
     def has_stopped(self) -> bool:
         """Return True when no tree runs and the feedback node, if present, has answered."""

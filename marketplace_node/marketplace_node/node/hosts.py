@@ -269,7 +269,9 @@ class HostConnections:
             response.token = list(answer.token)
             self._take_unreported(request)
         else:
-            self._node.get_logger().warning(f"host '{request.host}' refused: {response.message}")
+            self._node.get_logger().warning(
+                f"host '{request.host}' refused: {response.message}", throttle_duration_sec=30.0
+            )
         return response
 
     def _take_unreported(self, request: RegisterHost.Request) -> None:

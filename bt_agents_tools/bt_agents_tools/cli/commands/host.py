@@ -54,7 +54,7 @@ def host(
     interrupt = Interrupt()
     named = host_name(name)
     trees = take_trees(directory)
-    read_agents(trees, tags, _print_broken)
+    read_agents(trees, tags)
     kept = claim_state(trees, state)
     click.echo(f"kept in {kept.path}", err=True)
     logs = new_log_folder(state)
@@ -64,7 +64,3 @@ def host(
     )
     part = components.on_slow_network(replace(part, file=params), slow_network)
     run_parts("host", [part], interrupt, logs)
-
-
-def _print_broken(report: str) -> None:
-    click.echo(f"left out, the other agents run:\n{report}", err=True)
