@@ -93,11 +93,7 @@ class _FolderCheck:
         scene = folder / "scene.yaml"
         base = [scene, *yaml_files(folder / "skills")]
         others = yaml_files(folder / "scenes")
-        dependent = [
-            path
-            for name in _DEPENDENT
-            for path in yaml_files(folder / name, tests=True)
-        ]
+        dependent = [path for name in _DEPENDENT for path in yaml_files(folder / name, tests=True)]
         if (folder / MARKET_FILE).exists():
             dependent.insert(0, folder / MARKET_FILE)
         agents: list[AgentSpec] = []

@@ -103,7 +103,9 @@ def test_unknown_values_of_a_preset_are_warnings(trees):
 
 def test_preset_of_a_taken_name_is_an_error(trees):
     for name in ("evening", "morning"):
-        write(f"presets/{name}.yaml", "format: 1\npreset: dusk\nvalues: {one: {learning_rate: 0}}\n")
+        write(
+            f"presets/{name}.yaml", "format: 1\npreset: dusk\nvalues: {one: {learning_rate: 0}}\n"
+        )
     assert found() == ["trees/presets/morning.yaml:2 duplicate-preset"]
 
 
