@@ -115,8 +115,9 @@ class _FolderCheck:
                 with self._guarded(path):
                     self._add(cut_texts(source))
         self._add(_bad_plugin(folder, words) for words in plugin_problems)
-        for path in filter(self._is_wanted, _unread_files(folder)):
-            self._add([_passed_over(path)])
+        for name in ("skills", "scenes", *_DEPENDENT):
+            unread = _passed_over(folder / name)
+            self._add(one for one in unread if self._is_wanted(Path(one.position.file)))
         return Checked(
             problems=tuple(_with_excerpts(_by_file(merged(self._found)))),
             agents=tuple(agent.name for agent in agents),
@@ -255,25 +256,18 @@ def _real(path: Path) -> Path:
         return path.parent.resolve() / path.name
 
 
-def _unread_files(folder: Path) -> Iterator[Path]:
-    """Yield YAML files that are one folder too deep, or have a suffix in capital letters."""
-    for name in ("skills", "scenes", *_DEPENDENT):
-        read = yaml_files(folder / name, tests=True)
-        for path in sorted([*(folder / name).glob("*"), *(folder / name).glob("*/*")]):
-            if path.suffix.lower() in SUFFIXES and path not in read and path.is_file():
-                hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-                if not hidden:
-                    yield path
-
-
-def _passed_over(path: Path) -> Diagnostic:
-    return warning(
-        "passed-over",
-        Position(file=str(path), line=1, column=1),
-        1,
-        "bt-agents does not read this file",
-        "files are directly in a folder such as agents, and end in .yaml or .yml",
-    )
+def _passed_over(folder: Path) -> Iterator[Diagnostic]:
+    """Yield a warning for each YAML file that is too deep, or whose suffix has capitals."""
+    for path in sorted([*folder.glob("[!.]*"), *folder.glob("[!.]*/[!.]*")]):
+        is_read = path.parent == folder and path.suffix in SUFFIXES
+        if path.suffix.lower() in SUFFIXES and not is_read and path.is_file():
+            yield warning(
+                "passed-over",
+                Position(file=str(path), line=1, column=1),
+                1,
+                "bt-agents does not read this file",
+                "files are directly in a folder such as agents, and end in .yaml or .yml",
+            )
 
 
 def _bad_plugin(folder: Path, words: str) -> Diagnostic:
