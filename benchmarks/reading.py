@@ -16,8 +16,8 @@ from pathlib import Path
 import yaml
 from py_trees.behaviour import Behaviour
 
-from bt_agents.engine.builder import build
 from bt_agents.engine.context import RunContext
+from bt_agents.engine.run import build
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents_core.scene import Scene, SceneValue

@@ -14,7 +14,7 @@ from bt_agents_core.scene import finite_or_none
 from marketplace_node.outcomes import AuctionOutcome
 
 if TYPE_CHECKING:
-    from feedback_node.learning.changes import ProfileChange
+    from feedback_node.learning.profiles import ProfileChange
     from marketplace_node.effects import PublishAuction
 
 ResultRow = Mapping[str, object]

@@ -29,7 +29,6 @@ from marketplace_node.health import queue_health
 from marketplace_node.hosts.goal_takeover import StoredGoals
 from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.registry import Registration, RegistrationAnswer
-from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.interaction.interaction import (
     FEEDBACK_DEFERRED,
     NO_BIDS,
@@ -37,7 +36,7 @@ from marketplace_node.interaction.interaction import (
     Interaction,
 )
 from marketplace_node.interaction.market_failover import GATHER_S, KEPT_S, InheritedRuns
-from marketplace_node.interaction.open_round import OpenRound
+from marketplace_node.interaction.phases import OpenRound, RunEnd, StopRequest
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.interaction.stored_scenes import StoredScene, StoreScenes, read_scenes
 from marketplace_node.market_state import PREVIEWS, MarketState

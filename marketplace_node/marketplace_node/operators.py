@@ -13,9 +13,8 @@ from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_language.diagnostics.collection import did_you_mean
 from marketplace_node.effects import PreviewEnded, State
 from marketplace_node.explanation.reason import reason_of
-from marketplace_node.interaction.award import StopRequest
 from marketplace_node.interaction.interaction import Interaction
-from marketplace_node.interaction.open_round import OpenRound
+from marketplace_node.interaction.phases import OpenRound, StopRequest
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.market_state import MarketState
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand

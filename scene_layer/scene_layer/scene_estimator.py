@@ -11,10 +11,9 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, check_value, first_id
 from bt_agents_language.model.scene_specs import MissingRule, SceneSpec
-from scene_layer.fusion import Reading
 from scene_layer.memory import Memory
 from scene_layer.persons import NOBODY, THRESHOLD, Encounters, somebody_is_measured
-from scene_layer.sources import Sources
+from scene_layer.sources import Reading, Sources
 
 MAX_INTERACTIONS = 1000
 """Most interactions whose given values are remembered; more than a market's queue can hold."""

@@ -23,7 +23,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.hosts.host_effects import Effect, RunGoal
 from marketplace_node.hosts.registry import Registration, RegistrationAnswer
-from marketplace_node.interaction.award import RunEnd, StopRequest
+from marketplace_node.interaction.phases import RunEnd, StopRequest
 from marketplace_node.market import Market
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.round.decision import Bids, External

@@ -12,10 +12,9 @@ from py_trees.common import Status
 
 from bt_agents.engine.context import BuildChild, RunContext
 from bt_agents.engine.environment import GoalRun
-from bt_agents.engine.fields import NodeFields
 from bt_agents.engine.light_behaviour import FAILURE, INVALID, RUNNING, LightBehaviour
 from bt_agents.engine.node_errors import reason_of, with_location
-from bt_agents.engine.scope import Scope
+from bt_agents.engine.scope import NodeFields, Scope
 from bt_agents.engine.ticker import CallTicked, Ticker
 from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expressions import MissingValue

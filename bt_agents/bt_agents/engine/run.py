@@ -8,26 +8,32 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
+from importlib import import_module
+from pkgutil import iter_modules
 from random import Random
 from typing import Any, NamedTuple
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from bt_agents.engine import nodes
 from bt_agents.engine.breakpoints import Breakpoints
-from bt_agents.engine.builder import build
-from bt_agents.engine.context import RunContext
+from bt_agents.engine.context import NodeMaker, RunContext
 from bt_agents.engine.environment import Clock, Environment
 from bt_agents.engine.node_errors import is_undecided
-from bt_agents.engine.scope import RunScope
+from bt_agents.engine.nodes.plugin import PluginLeaf
+from bt_agents.engine.nodes.skill import SkillLeaf
+from bt_agents.engine.scope import RunScope, Scope
 from bt_agents.engine.ticker import OnVisit, Tick, Ticker
 from bt_agents.engine.value_trace import as_written
 from bt_agents_core.field_types import Plain
+from bt_agents_core.gc_pause import gc_paused
 from bt_agents_core.node_name import filled_name
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from bt_agents_core.stop_cause import Cancellation
 from bt_agents_core.text import excerpt
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
+from bt_agents_language.nodes.catalogue import type_of
 
 _MOST_UNDECIDED = 20
 """Most undecidable conditions that a run reports."""
@@ -37,6 +43,34 @@ _MOST_VALUES = 500
 
 _LONGEST_NAME = 200
 """Most characters of the name of a tip."""
+
+
+def find_behaviours() -> dict[str, NodeMaker]:
+    """Return the makers of all node modules, by key."""
+    found: dict[str, NodeMaker] = {}
+    for module in iter_modules(nodes.__path__):
+        found |= import_module(f"{nodes.__name__}.{module.name}").BEHAVIOURS
+    return found
+
+
+BEHAVIOURS: Mapping[str, NodeMaker] = find_behaviours()
+"""Key of a node type → maker of its behaviour, from the ``BEHAVIOURS`` of all node modules."""
+
+
+@gc_paused()
+def build(spec: NodeSpec, context: RunContext) -> Behaviour:
+    """Return the tree of a spec, ready to be ticked; its nodes carry their spec as ``spec``."""
+
+    def build_node(spec: NodeSpec, scope: Scope) -> Behaviour:
+        scope.declare(spec.outputs)
+        if type_of(spec).assigns:
+            scope.declare(spec.fields)
+        if spec.plugin is not None:
+            return PluginLeaf(spec, context, scope)
+        maker = SkillLeaf if spec.skill is not None else BEHAVIOURS[spec.kind]
+        return maker(spec, context, scope, build_node)
+
+    return build_node(spec, context.scope)
 
 
 class TreeOutcome(Enum):

@@ -13,8 +13,8 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry
-from bt_agents.host.award_monitor import MarketLease
 from bt_agents.host.run_messages import cancellation_from_msg
+from bt_agents.host.run_monitors import MarketLease
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.liveness import STALL_S
 from bt_agents_core.run_key import RunKey

@@ -19,10 +19,10 @@ from bt_agents.host.earlier_goals import EarlierGoals
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher
-from bt_agents.host.live_scene import LiveSceneView
 from bt_agents.host.market_registration import NO_TOKEN, MarketRegistration
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect
+from bt_agents.host.run_monitors import LiveSceneView
 from bt_agents.host.run_server import RunServer
 from bt_agents.host.tree_streams.stream_server import DEFAULT_PERIOD, offer_tree_streams
 from bt_agents.host.tuning.tunable_parameters import TunableParameters

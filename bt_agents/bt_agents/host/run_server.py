@@ -17,14 +17,14 @@ from rclpy.task import Future
 from rclpy.time import Time
 
 from bt_agents.engine.run import Overrun, Run, RunResult, StatusChange, TreeOutcome
-from bt_agents.engine.tick_scheduler import TickScheduler
+from bt_agents.engine.ticker import TickScheduler
 from bt_agents.host.agent_registry import AgentRegistry
-from bt_agents.host.award_monitor import AwardMonitor
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.run_control import RunControl
 from bt_agents.host.run_messages import not_begun, run_result_to_msg, tree_status
+from bt_agents.host.run_monitors import AwardMonitor
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.run_key import RunKey

@@ -25,7 +25,7 @@ from feedback_node.simulated_feedback import SimulatedFeedback
 from marketplace_node.effects import Collect, OpenCall, PublishAuction, SendGoal
 from marketplace_node.hosts.host_effects import Effect
 from marketplace_node.hosts.registry import Registration
-from marketplace_node.interaction.award import RunEnd
+from marketplace_node.interaction.phases import RunEnd
 from marketplace_node.market import Market
 from marketplace_node.outcomes import RunOutcome
 from marketplace_node.round.decision import Bids

@@ -18,8 +18,7 @@ from bt_agents_core.scene import Scene, Vector
 from bt_agents_language.model.mood_rule import MoodAction
 from feedback_node.announced_runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.learning.cards import LearningCard
-from feedback_node.learning.changes import Delivery, ProfileChange
-from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.profiles import Delivery, ProfileChange, Profiles
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import FORGOTTEN
 from feedback_node.mood_trace import LeafMood, MoodTrace

@@ -12,8 +12,7 @@ from typing import Any
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
 from bt_agents_core.refusal_codes import RefusalCode
-from feedback_node.learning.changes import Delivery, ProfileChange
-from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.profiles import Delivery, ProfileChange, Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.rows import FLEET, IMPORT, ProfileRevision, check_texts
 from feedback_node.management.documents import from_document, read_json

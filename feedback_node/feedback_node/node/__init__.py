@@ -41,9 +41,8 @@ from bt_agents_ros.parameters import TREES, StartParameter, declare_live_lease
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import OneShot, steady_timer
 from feedback_node.health import ledger_health, profiles_health
-from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackController, RuleOutcome
-from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.profiles import ProfileChange, Profiles, Table
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.management.management import Management, ManagementCommand

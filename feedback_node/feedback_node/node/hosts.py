@@ -13,8 +13,7 @@ from rclpy.task import Future
 from bt_agents_interfaces.srv import SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
-from feedback_node.learning.changes import Delivery
-from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.profiles import Delivery, Profiles
 from feedback_node.node.messages import set_profile_name
 
 _LIMIT_S = 1.0

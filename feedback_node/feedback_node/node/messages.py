@@ -28,8 +28,8 @@ from bt_agents_language.model.mood_rule import MoodRule
 from bt_agents_ros.messages import header_at, scene_from_msg, to_time
 from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
-from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackRequest
+from feedback_node.learning.profiles import ProfileChange, Table
 from feedback_node.mood_trace import LeafMood
 
 _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)

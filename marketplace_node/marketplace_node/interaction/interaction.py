@@ -13,8 +13,7 @@ from bt_agents_core.scene import Scene, follow_up_id
 from marketplace_node.effects import Collect, SceneEnded, SendGoal, State
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.hosts.host_effects import CancelGoal, RunGoal
-from marketplace_node.interaction.award import Award, RunEnd, StopRequest
-from marketplace_node.interaction.open_round import OpenRound
+from marketplace_node.interaction.phases import Award, OpenRound, RunEnd, StopRequest
 from marketplace_node.interaction.stored_scenes import StoredRun
 from marketplace_node.market_state import MarketState
 from marketplace_node.outcomes import AuctionOutcome, RunEventKind, RunOutcome

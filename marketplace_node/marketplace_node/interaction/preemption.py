@@ -9,7 +9,7 @@ from functools import partial
 
 from marketplace_node.explanation.reason import preemption_reason
 from marketplace_node.interaction.interaction import QueuedScene
-from marketplace_node.interaction.open_round import OpenRound
+from marketplace_node.interaction.phases import OpenRound
 from marketplace_node.market_state import MarketState
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import ClosedBy, Decision

@@ -12,9 +12,8 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Scene
 from bt_agents_core.stop_cause import StoppedBy
 from marketplace_node.effects import SceneEnded, State
-from marketplace_node.interaction.award import PREEMPTED, STOPPED, StopRequest
 from marketplace_node.interaction.interaction import Interaction, QueuedScene
-from marketplace_node.interaction.open_round import OpenRound
+from marketplace_node.interaction.phases import PREEMPTED, STOPPED, OpenRound, StopRequest
 from marketplace_node.interaction.preemption import PreemptionRound
 from marketplace_node.market_state import MarketState
 from marketplace_node.settings import MAX_QUEUE

@@ -67,7 +67,7 @@ from marketplace_node.hosts.host_effects import (
     Effect,
 )
 from marketplace_node.hosts.registry import HostEntry
-from marketplace_node.interaction.award import StopRequest
+from marketplace_node.interaction.phases import StopRequest
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market
 from marketplace_node.node.hosts import HostConnections

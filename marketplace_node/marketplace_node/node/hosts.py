@@ -30,7 +30,7 @@ from marketplace_node.effects import Execute, Note, SendGoal
 from marketplace_node.formatting import shown
 from marketplace_node.hosts.host_effects import CancelOpenGoals, RunGoal
 from marketplace_node.hosts.registry import HostEntry
-from marketplace_node.interaction.award import RunEnd
+from marketplace_node.interaction.phases import RunEnd
 from marketplace_node.market import Market
 from marketplace_node.node.messages import (
     earlier_run_from_msg,

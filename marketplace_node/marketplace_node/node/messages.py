@@ -47,7 +47,7 @@ from marketplace_node.explanation.reason import calculation
 from marketplace_node.formatting import shown
 from marketplace_node.hosts.host_effects import RunGoal
 from marketplace_node.hosts.registry import TOKEN_BYTES, HostEntry, Registration
-from marketplace_node.interaction.award import RunEnd
+from marketplace_node.interaction.phases import RunEnd
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.outcomes import RunOutcome
 from marketplace_node.round.decision import Bids, Decision, External, RankedBid

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from bt_agents.engine.builder import BEHAVIOURS
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents.engine.nodes.give_feedback import GiveFeedback
 from bt_agents.engine.nodes.skill import SkillLeaf
 from bt_agents.engine.nodes.wait_for import WaitForMessage
+from bt_agents.engine.run import BEHAVIOURS
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.field_types import Plain
 from bt_agents_language.model.specs import NodeSpec

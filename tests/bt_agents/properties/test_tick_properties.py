@@ -15,10 +15,10 @@ from py_trees import composites, decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
-from bt_agents.engine.builder import BEHAVIOURS
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.light_behaviour import LightBehaviour
 from bt_agents.engine.loops import Loop
+from bt_agents.engine.run import BEHAVIOURS
 from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents.engine.ticker import Ticker
 from bt_agents_core.diagnostic import Position

@@ -11,7 +11,7 @@ import re
 import pytest
 
 from bt_agents.engine import nodes as behaviours
-from bt_agents.engine.builder import BEHAVIOURS
+from bt_agents.engine.run import BEHAVIOURS
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.field_types import Plain
 from bt_agents_language.nodes import catalogue

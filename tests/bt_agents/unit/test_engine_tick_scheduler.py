@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.engine.tick_scheduler import REST_S, TickScheduler
+from bt_agents.engine.ticker import REST_S, TickScheduler
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.host.live_scene import LiveSceneView
+from bt_agents.host.run_monitors import LiveSceneView
 from bt_agents_core.liveness import LIVE_LEASE_S
 from bt_agents_core.scene import Scene
 from tree_harness import TreeHarness, scene

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bt_agents.host.award_monitor import AwardMonitor, MarketLease
+from bt_agents.host.run_monitors import AwardMonitor, MarketLease
 from bt_agents_core.liveness import StallDetector
 from bt_agents_core.run_key import RunKey
 

@@ -19,14 +19,13 @@ from bt_agents_language.model.experiment import PreparedFeedback
 from bt_agents_language.model.mood_rule import MoodAction
 from feedback_node.announced_runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.learning.cards import AgentEntry, LearningEntry
-from feedback_node.learning.changes import ProfileChange
 from feedback_node.learning.feedback_controller import (
     MOST_PENDING,
     SETTLE_S,
     FeedbackController,
     FeedbackRequest,
 )
-from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.profiles import ProfileChange, Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.mood_trace import LeafMood

@@ -15,8 +15,7 @@ from bt_agents_core.feedback import FeedbackKind
 from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning import profiles as profiles_module
 from feedback_node.learning.cards import LearningEntry
-from feedback_node.learning.changes import Delivery, ProfileChange
-from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.profiles import Delivery, ProfileChange, Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.rows import IMPORT, RevisionCause
 from learning_cards import card, entry

@@ -13,8 +13,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from feedback_node.learning.cards import AgentEntry, LearningEntry, read_card
-from feedback_node.learning.changes import Delivery, ProfileChange
-from feedback_node.learning.profiles import MOST_HOSTS, Profiles
+from feedback_node.learning.profiles import MOST_HOSTS, Delivery, ProfileChange, Profiles
 from feedback_node.ledger import Ledger
 from learning_cards import card, entry
 from scene_spaces import AGE_AND_MOOD as SPACE

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from bt_agents_core.errors import Refused
 from file_texts import read_scene_text
 from plain_message import message_of
-from scene_layer.fusion import Reading, fused, smoothed
-from scene_layer.sources import Sources
+from scene_layer.sources import Reading, Sources, fused, smoothed
 
 SCENE = """
 format: 1

@@ -13,9 +13,8 @@ from bt_agents_core.source_mapping import inverted, mapped
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
 from file_texts import read_scene_text
 from plain_message import message_of
-from scene_layer.fusion import Reading
 from scene_layer.health import Standing, sources_health
-from scene_layer.sources import Sources
+from scene_layer.sources import Reading, Sources
 from scene_layer_harness import number_source
 from scene_spaces import AGE_AND_MOOD as SPACE
 

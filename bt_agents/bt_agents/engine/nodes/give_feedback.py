@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from bt_agents.engine.bases import GoalLeaf
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.fields import scene_value
+from bt_agents.engine.scope import scene_value
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.refusal_codes import RefusalCode

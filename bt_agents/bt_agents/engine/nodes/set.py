@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from py_trees.common import Status
 
-from bt_agents.engine.fields import scene_value
 from bt_agents.engine.light_behaviour import RUNNING, SUCCESS
 from bt_agents.engine.scene_layer_leaf import SceneLayerLeaf
+from bt_agents.engine.scope import scene_value
 from bt_agents_language.nodes.set import BINDING, SCENE
 
 _SHOWN_WITHIN_S = 0.5

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Monitors an award: what the heartbeat of the market says about the run of the host."""
+"""Monitors of a run: whether its award is valid, its market alive, and its live scene fresh."""
 
 from __future__ import annotations
 
-from bt_agents_core.liveness import StallDetector, extended_lease
+from collections.abc import Callable
+from dataclasses import replace
+
+from bt_agents_core.liveness import LIVE_LEASE_S, StallDetector, extended_lease
 from bt_agents_core.run_key import RunKey
+from bt_agents_core.scene import Scene
 
 _POLL_AGAIN_S = 0.1
 
@@ -85,3 +89,26 @@ class MarketLease:
         """Return how long the market has been silent if that is too long, else 0 [s]."""
         silent = now - self._last
         return silent if self._epoch and silent >= self.lease_s else 0.0
+
+
+class LiveSceneView:
+    """Latest live scene of one run, initially the awarded one; each counts for ``lease_s`` [s]."""
+
+    def __init__(
+        self, awarded: Scene, clock: Callable[[], float], lease_s: float = LIVE_LEASE_S
+    ) -> None:
+        self.lease_s = lease_s
+        self.scene_id = awarded.scene_id
+        self._clock = clock
+        self._scene = awarded
+        self._seen_at = clock()
+
+    def receive(self, scene: Scene) -> None:
+        """Take a live scene of the run."""
+        self._scene = scene
+        self._seen_at = self._clock()
+
+    def now(self) -> Scene:
+        """Return the latest scene, marked as stale if none arrived during the lease."""
+        silent_s = self._clock() - self._seen_at
+        return self._scene if silent_s <= self.lease_s else replace(self._scene, stale_s=silent_s)
