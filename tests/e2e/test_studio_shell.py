@@ -14,6 +14,7 @@ import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 import studio_entries
+from bt_agents_studio.access import SessionRole
 from bt_agents_studio.records import MarketRecord, RoundRecord, SceneRecord, TreeRecord
 from studio_browser import box, look_back, open_page, opened_page, strip, wait_for
 from studio_entries import HOST, agent, auction, run, scene, tunable
@@ -122,6 +123,17 @@ def test_every_page_tells_and_stops_the_run(page: Page, running: BackgroundStudi
         expect(strip(page).get_by_role("button", name="stopping …")).to_be_disabled()
         running.put("market", "", market("IDLE"))
         expect(button).to_be_disabled()
+
+
+def test_viewer_sees_why_it_cannot_stop(browser: Browser, running: BackgroundStudio) -> None:
+    with opened_page(browser, running.address_for(SessionRole.VIEW)) as viewer:
+        button = strip(viewer).get_by_role("button", name="Stop", exact=True)
+        expect(button).to_have_attribute("title", re.compile("for viewing only"))
+        expect(button).to_be_disabled()
+        viewer.keyboard.press("Escape")
+        viewer.keyboard.press("Escape")
+        expect(strip(viewer)).to_have_attribute("data-state", "RUNNING")
+    assert not stops(running)
 
 
 def test_strip_follows_and_stops_while_page_looks_back(

@@ -5,6 +5,7 @@ import { useEffect, useMemo } from "react";
 import { useConnection } from "./connection";
 import { formatNumber, formatTime } from "./formatting";
 import { useEscapeTwice } from "./keyboard";
+import { OPERATION_ROLES } from "./protocol";
 import shared from "./shared.module.css";
 import css from "./status_strip.module.css";
 import { useStop } from "./stop";
@@ -17,12 +18,15 @@ const words = texts.strip;
 export function StatusStrip() {
   const market = usePresent("market");
   const part = usePresent("parts", "marketplace");
-  const { atS } = useConnection();
+  const { atS, hello } = useConnection();
   const [answer, stop, forget] = useStop(texts.live.stopped);
   const state = market?.state ?? "";
   const isSilent = part?.alive === false;
   const isStopping = answer.isAsked || state === "CANCELLING";
-  const canStop = !isStopping && market !== undefined && (state !== "IDLE" || market.waiting.length > 0);
+  // A page that has lost its connection may try: the answer says that the robot was not stopped.
+  const mayStop = hello === null || OPERATION_ROLES.cancel.includes(hello.role);
+  const isRunning = market !== undefined && (state !== "IDLE" || market.waiting.length > 0);
+  const canStop = mayStop && !isStopping && isRunning;
   useEscapeTwice(stop, canStop);
   // Forget the answer to Stop when another run begins.
   useEffect(forget, [market?.since_s, forget]);
@@ -37,7 +41,7 @@ export function StatusStrip() {
       <span className={css.alert} role="alert">
         {answer.isRefused && answer.text}
       </span>
-      <button type="button" className={`${shared.stop} ${css.stop}`} title={words.key} disabled={!canStop} onClick={stop}>
+      <button type="button" className={`${shared.stop} ${css.stop}`} title={mayStop ? words.key : texts.may.roles[hello.role]} disabled={!canStop} onClick={stop}>
         {isStopping ? texts.stop.stopping : texts.stop.stop} <kbd aria-hidden="true">Esc Esc</kbd>
       </button>
     </section>
