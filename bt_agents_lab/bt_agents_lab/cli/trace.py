@@ -13,6 +13,7 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import join_first, printable
 from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.decisions import tell_other_starts
 from bt_agents_tools.cli.formatting import clock_text, values_text
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 from bt_agents_tools.cli.trees_choice import journal_option, kept_state, state_option
@@ -50,6 +51,7 @@ def trace(round_number: int | None, state: str, journal: Path | None, form: Tabl
         found = [run for run in runs if round_number in (None, run.round)]
         if not found:
             raise BtAgentsError(_not_found(round_number, runs))
+        tell_other_starts(round_number, (run.epoch for run in found))
         shown = found[-1]
         # A decoded message is large, so only those of one run are kept.
         rows = [

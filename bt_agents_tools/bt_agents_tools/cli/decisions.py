@@ -38,6 +38,14 @@ def last_decisions(observer: Observer) -> list[Any]:
     return auctions
 
 
+def tell_other_starts(round_number: int | None, epochs: Iterable[str]) -> None:
+    """Say on standard error if several starts of the market had the round that a user names."""
+    starts = len(set(epochs))
+    if round_number is not None and starts > 1:
+        again = f"the market has started {starts} times with a round {round_number}"
+        click.echo(f"{again}; this is the last", err=True)
+
+
 def names_of_scenes(auctions: Iterable[Any]) -> SceneLabels:
     """Return the names of the scenes of some decisions."""
     names = SceneLabels()

@@ -63,6 +63,19 @@ def test_a_round_without_a_run_is_named(path: Path) -> None:
     assert told == "no run of round 9 is in the journal; there are rounds 1, 2, 3 and 4"
 
 
+def test_a_round_of_several_starts_is_named(journaled: JournaledSystem, tmp_path: Path) -> None:
+    def alter(_: int, message: Any) -> Any:
+        if getattr(message, "round", 0) == 2:
+            message = copy.deepcopy(message)
+            message.epoch, message.round = "later", 1
+        return message
+
+    path = str(journaled.write(tmp_path / "a.mcap", alter))
+    for command in (why, trace):
+        result = split_runner().invoke(command, ["1", "--journal", path])
+        assert "2 times with a round 1; this is the last" in result.stderr
+
+
 def test_lost_messages_are_counted(journaled: JournaledSystem, tmp_path: Path) -> None:
     numbers = [
         n for n, one in enumerate(journaled.published) if isinstance(one.message, TreeStatus)

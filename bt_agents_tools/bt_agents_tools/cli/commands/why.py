@@ -26,6 +26,7 @@ from bt_agents_tools.cli.decisions import (
     print_decision,
     show_decision,
     stop_texts,
+    tell_other_starts,
 )
 from bt_agents_tools.cli.table import TableForm, table_options
 from bt_agents_tools.cli.trees_choice import journal_option, kept_state, state_option
@@ -98,6 +99,7 @@ def _show(auctions: Sequence[Any], round_number: int | None, form: TableForm) ->
         which = "yet" if round_number is None else f"of round {round_number}"
         hint = f"there are rounds {known}" if known else "'bt-agents trigger' asks for one"
         raise BtAgentsError(f"no decision {which}; {hint}")
+    tell_other_starts(round_number, (one.epoch for one in found))
     if form.for_program:
         print_decision(found[-1], form)
     else:
