@@ -33,10 +33,10 @@ class Models:
         """Return the ID of a tree of the agent itself."""
         return self._id("tree", name)
 
-    def subtree(self, file: str, subtree: SubtreeSpec) -> str:
-        """Return the ID of a subtree and declare it."""
+    def subtree(self, file: str, subtree: SubtreeSpec, tunables: Iterable[Tunable] = ()) -> str:
+        """Return the ID of a subtree and declare it, with the tunables that it uses."""
         model_id = self._id(f"in {file}", subtree.name)
-        return self.declare("SubTree", model_id, subtree.inputs, subtree.outputs)
+        return self.declare("SubTree", model_id, [*subtree.inputs, *tunables], subtree.outputs)
 
     def leaf(self, name: str, inputs: Iterable[Field], outputs: Iterable[Field] = ()) -> str:
         """Return the ID of a skill or of a plug-in's node and declare it."""

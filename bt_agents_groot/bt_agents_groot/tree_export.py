@@ -27,7 +27,7 @@ from bt_agents_groot.ports import (
 from bt_agents_groot.translation import Remarks
 from bt_agents_groot.xml_files import Xml
 from bt_agents_language.fields.values import ONE_OF
-from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
+from bt_agents_language.model.specs import FieldSpec, SubtreeSpec, Tunable
 from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.nodes.check import CHECK
 from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, RawNode
@@ -40,8 +40,8 @@ from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 
-Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
-"""Function that returns the ID and the interface of a subtree by its name."""
+Subtrees = Callable[[str], tuple[str, SubtreeSpec, Sequence[Tunable]]]
+"""Function that returns the ID, interface and used tunables of a subtree by its name."""
 
 Decorate = Callable[[Node, Xml], Xml]
 """Function that wraps an element in a decorator, given only its main field or switch.
@@ -243,10 +243,11 @@ class TreeExport:
     def _subtree(self, raw: RawNode) -> Xml:
         node = _fields(raw.value, "name")["name"]
         assert isinstance(node, Scalar)
-        tree_id, subtree = self._subtrees(node.text)
+        tree_id, subtree, tunables = self._subtrees(node.text)
         entry = raw.siblings.get("with")
         arguments = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
         ports = self._ports({one.key.text: one.value for one in arguments}, ())
+        ports |= {port(one.name): f"{{{one.name}}}" for one in tunables}
         outputs = self._outputs(raw, subtree.outputs)
         return Xml("SubTree", {"ID": tree_id, **ports, **outputs})
 
