@@ -33,6 +33,7 @@ from bt_agents_groot.yaml_nodes import (
     Data,
     Raw,
     YamlNode,
+    can_be_skipped,
     comment_lines,
     sequence,
     with_comments,
@@ -46,6 +47,11 @@ _BUILDERS = {**CONTROLS, **SIMPLE_NODES, **NAV2_NODES}
 _SCRIPT_NAME = re.compile(r"[A-Za-z_@]\w*")
 _INITIAL_COMMENT = (
     "What a program gave in BehaviorTree.CPP; write what fits, or make tunables of it."
+)
+
+_NO_FORMAT = (
+    "there is no BTCPP_format, so this is read as format 4; convert files of Groot 1 by "
+    "convert_v3_to_v4.py, which comes with BehaviorTree.CPP"
 )
 
 
@@ -168,6 +174,8 @@ class _Import:
                 element.position,
                 f'<include path="{path[:120]}"> is not followed; name that file, too',
             )
+        elif element.tag == "root":
+            self._remarks.note(element.position, _NO_FORMAT)
         else:
             self._remarks.note(element.position, f"<{element.tag[:40]}> is not read here")
 
@@ -241,6 +249,7 @@ class _Import:
             inputs=inputs,
             optional=optional,
             outputs=outputs,
+            can_be_skipped=can_be_skipped(tree),
         )
         entries: dict[str, Data] = {
             "inputs": {

@@ -25,6 +25,7 @@ class Callee:
         inputs: Declared input → its name inside the tree.
         optional: Optional inputs.
         outputs: Names that the tree writes and a caller uses.
+        can_be_skipped: Whether the whole tree can be left out.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Callee:
     inputs: Mapping[str, str]
     optional: frozenset[str]
     outputs: tuple[str, ...]
+    can_be_skipped: bool
 
 
 def declared_port(model: Model, names: TreeNames, name: str) -> ModelPort:
@@ -90,7 +92,12 @@ def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Calle
         tree.names.write(name)
     for name in entries:
         if name not in (*callee.inputs.values(), *callee.outputs):
-            tree.note(element, f"'{name}' is not passed on: '{callee.name}' never uses it")
+            entry = callee.names.original(name)
+            tree.note(element, f"'{entry}' is not passed on: '{callee.name}' does not need it")
+    if callee.can_be_skipped:
+        tree.note(
+            element, "when the whole tree is left out, ours has succeeded; Groot's is left out"
+        )
     return _subtree(callee.name, arguments, outputs)
 
 

@@ -16,6 +16,7 @@ from bt_agents_groot.nav2_nodes import NAV2_NODES
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.model.specs import SkillSpec
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.source import Source
 from file_texts import read_agent_text, read_skills_text
 from tree_harness import SYMBOLS
@@ -33,12 +34,12 @@ def xml(start: str, *inner: str) -> str:
     return f"<{start}>{''.join(inner)}</{start.split()[0]}>"
 
 
-def imported(inner: str, more: str = "") -> ImportedAgent:
+def imported(inner: str, more: str = "", symbols: SymbolTable = SYMBOLS) -> ImportedAgent:
     """Return the agent, checked by the reader, for a tree and additional elements."""
     text = f"""<root BTCPP_format="4" main_tree_to_execute="T">
     <BehaviorTree ID="T">{inner}</BehaviorTree>{more}</root>"""
-    made = import_agent(Source("folder/t.xml", text), "a", SYMBOLS)
-    read_agent_text(made.text, "a.yaml", SYMBOLS.with_skills(own_skills(made)))
+    made = import_agent(Source("folder/t.xml", text), "a", symbols)
+    read_agent_text(made.text, "a.yaml", symbols.with_skills(own_skills(made)))
     return made
 
 
@@ -484,9 +485,15 @@ def test_plus_of_text_names_joins_texts():
 
 
 def test_missing_and_unused_subtree_inputs_are_listed():
-    made = imported("<SubTree ID='GoThere' count='2' speed='3'/>", SUB)
+    made = imported("<SubTree ID='GoThere' count='2' Speed='3'/>", SUB)
     assert "nothing says what 'place' is" in said(made, RemarkLevel.LOST)
-    assert "'speed' is not passed on" in said(made, RemarkLevel.NOTE)
+    assert "'Speed' is not passed on" in said(made, RemarkLevel.NOTE)
+
+
+def test_subtree_that_can_be_left_out_is_noted():
+    part = f"<BehaviorTree ID='Part'><Sequence _skipIf='true'>{S}</Sequence></BehaviorTree>"
+    made = imported("<Fallback><SubTree ID='Part'/></Fallback>", part)
+    assert "when the whole tree is left out" in said(made, RemarkLevel.NOTE)
 
 
 def test_included_file_is_listed():
@@ -498,6 +505,22 @@ def test_included_file_is_listed():
 WAVE = """<TreeNodesModel><Action ID="WaveHand">
     <input_port name="side" type="std::string"/><input_port name="times" type="int"/>
     <output_port name="seen" type="bool"/></Action></TreeNodesModel>"""
+
+
+def test_port_missing_in_model_is_noted():
+    made = imported("<WaveHand side='left' speed='3'/>", WAVE)
+    assert document(made)["tree"] == {"wave_hand": {"side": "left", "speed": 3}}
+    assert said(made, RemarkLevel.NOTE) == "the model of <WaveHand> has no such port"
+
+
+def test_inout_port_of_declared_skill_stays_connected():
+    model = WAVE.replace("input_port", "inout_port")
+    made = imported("<WaveHand side='{k}'/>", model)
+    again = imported("<WaveHand side='{k}'/>", model, SYMBOLS.with_skills(own_skills(made)))
+    calls = [document(one)["tree"]["sequence"][1] for one in (made, again)]
+    assert calls == [
+        {"wave_hand": value, "outputs": {"k": "side"}} for value in ({"side": "${k}"}, "${k}")
+    ]
 
 
 def test_undeclared_skills_come_with_declaration_file():
