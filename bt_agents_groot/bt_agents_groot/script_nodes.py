@@ -105,6 +105,7 @@ def _chosen(statement: Assignment, names: TreeNames) -> YamlNode:
     choice = statement.value
     assert isinstance(choice, Conditional)
     condition = condition_text(choice.condition, names)
+    names.read_formula(choice.no)
     yes = as_node([Assignment(statement.name, choice.yes)], names)
     no = as_node([Assignment(statement.name, choice.no)], names)
     case = decorated(yes, "when", condition)

@@ -53,7 +53,7 @@ def _timeout(tree: TreeImport, element: Element) -> YamlNode:
 
 def _delay(tree: TreeImport, element: Element) -> YamlNode:
     wait = YamlNode(key="wait", value=_duration(tree, element, "delay_msec"))
-    return sequence(wait, tree.node(element.children[0]))
+    return sequence(wait, tree.branch(element.children[0]))
 
 
 def _run_once(tree: TreeImport, element: Element) -> YamlNode:
@@ -76,7 +76,7 @@ def _precondition(tree: TreeImport, element: Element) -> YamlNode:
         tree.note(element, f"when its child is left out, ours has {ended}; Groot's is left out")
     match status:
         case "SKIPPED":
-            return decorated(child, "when", text)
+            return tree.decorate(element, child, WHEN.key, text)
         case "SUCCESS":
             return selector(check(opposite), child)
         case "RUNNING":

@@ -162,6 +162,13 @@ def test_node_becomes_its_equivalent(inner, expected):
         ("<Repeat num_cycles='2'><Sleep msec='1' _skipIf='hot'/></Repeat>", "left out"),
         ("<Sequence><Sleep msec='1' _skipIf='hot'/></Sequence>", "all its children are left out"),
         (f"<IfThenElse>{HOT}<Sleep msec='1' _skipIf='hot'/></IfThenElse>", "Groot's is left out"),
+        (f"<IfThenElse>{S}<Sleep msec='1' _skipIf='hot'/></IfThenElse>", "Groot's is left out"),
+        ("<Delay delay_msec='1'><Sleep msec='1' _skipIf='hot'/></Delay>", "Groot's is left out"),
+        (xml("RunOnce _failureIf='hot'", S), "Groot's is left out"),
+        (
+            xml("Precondition if='hot' else='SKIPPED'", "<Sleep msec='1' _skipIf='hot'/>"),
+            "left out",
+        ),
         ("<Inverter name='a'><AlwaysSuccess name='b'/></Inverter>", "the name 'a'"),
         (f"<Sequence name='{'x' * 70}'>{S}</Sequence>", "shortened"),
         ("<AlwaysSuccess _colour='red'/>", "'_colour' is not read"),
@@ -386,6 +393,19 @@ def test_externally_set_names_are_initialised_first():
     assert document(made)["tree"]["sequence"][0] == {
         "set": {"greeting": "", "speed": 0.0, "battery": 0.0, "ready": False}
     }
+
+
+@pytest.mark.parametrize(
+    "inner",
+    [
+        f"<IfThenElse>{S}<Script code='x := 1'/><ScriptCondition code='x > 1'/></IfThenElse>",
+        "<AlwaysSuccess _onSuccess='x := 1' _post='y := x + 1'/>",
+        "<Script code='x := hot ? 1 : x + 1'/>",
+    ],
+)
+def test_name_written_in_another_case_is_initialised(inner):
+    made = imported(f"<Sequence>{inner}<ScriptCondition code='x > 1'/></Sequence>")
+    assert document(made)["tree"]["sequence"][0]["set"]["x"] == 0
 
 
 def test_names_are_converted_and_stay_distinct():
