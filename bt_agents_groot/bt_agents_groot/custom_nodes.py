@@ -221,7 +221,8 @@ class CustomNodes:
             direction = self._directions[port_key]
             if direction != "out":
                 self._input(tree, use, attribute, declared)
-            if direction != "in":
+            # An inout port with a constant is only read.
+            if direction == "out" or (direction == "both" and pointed_at(attribute.value)):
                 self._output(tree, use, attribute, declared)
         return _skill_node(tree, use)
 

@@ -537,6 +537,7 @@ def test_inout_port_of_declared_skill_stays_connected():
     model = WAVE.replace("input_port", "inout_port")
     made = imported("<WaveHand side='{k}'/>", model)
     again = imported("<WaveHand side='{k}'/>", model, SYMBOLS.with_skills(own_skills(made)))
+    assert not imported("<WaveHand side='left'/>", model).missing[0].outputs
     calls = [document(one)["tree"]["sequence"][1] for one in (made, again)]
     assert calls == [
         {"wave_hand": value, "outputs": {"k": "side"}} for value in ({"side": "${k}"}, "${k}")
