@@ -248,6 +248,8 @@ class TreeExport:
         arguments = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
         ports = self._ports({one.key.text: one.value for one in arguments}, ())
         ports |= {port(one.name): f"{{{one.name}}}" for one in tunables}
+        # BehaviorTree.CPP refuses calls without all ports.
+        ports |= {port(one.name): f"{{unused_{one.name}}}" for one in subtree.outputs}
         outputs = self._outputs(raw, subtree.outputs)
         return Xml("SubTree", {"ID": tree_id, **ports, **outputs})
 

@@ -150,6 +150,17 @@ def test_subtree_gets_its_tunables_from_callers():
     assert not made.remarks
 
 
+def test_unused_ports_of_subtree_survive_round_trip():
+    texts = "{a: {type: text, default: ''}, b: {type: text, default: '{b}'}}"
+    part = f"{{inputs: {texts}, outputs: {{c: text}}, tree: {{set: {{c: '${{a}}${{b}}'}}}}}}"
+    tree = f"tree: {{subtree: part, outputs: {{}}}}\nsubtrees: {{part: {part}}}\n"
+    text, _, made, _ = round_trip(HEAD + tree)
+    assert '<SubTree ID="Part" c="{unused_c}"/>' in text
+    assert 'default: ""' in made.text
+    assert 'default: "{b}"' in made.text
+    assert not made.remarks
+
+
 def test_clean_up_time_is_listed_and_canceller_exported():
     clean_up = "on_cancel: {say: Sorry., when: cancel.by == 'operator'}\non_cancel_within: 5 s\n"
     made = exported("say: Hi", clean_up)
