@@ -52,7 +52,6 @@ class _TreeFile:
 
     fields: MappingReader
     structure: RawNodeReader
-    file: str
     subtrees: dict[str, SubtreeSpec]
 
 
@@ -78,8 +77,8 @@ class _Export:
         if on_cancel is not None:
             trees.append(self._tree(main, on_cancel, self._models.tree_id("on_cancel")))
         for name, subtree in main.subtrees.items():
-            if subtree.position.file == main.file:
-                self._use(main.file, name)
+            if subtree.position.file == source.file:
+                self._use(source.file, name)
         # The list grows during the loop.
         for file, name in self._used:
             trees.append(self._subtree(file, name))
@@ -105,7 +104,7 @@ class _Export:
             for entry in fields.entries("subtrees", "names and subtrees")
         }
         structure = RawNodeReader(reading, symbols)
-        opened = _TreeFile(fields, structure, source.file, {**imported, **own})
+        opened = _TreeFile(fields, structure, {**imported, **own})
         self._files[source.file] = opened
         return opened
 

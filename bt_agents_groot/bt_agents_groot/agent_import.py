@@ -174,10 +174,9 @@ class _Import:
                 element.position,
                 f'<include path="{path[:120]}"> is not followed; name that file, too',
             )
-        elif element.tag == "root":
-            self._remarks.note(element.position, _NO_FORMAT)
         else:
-            self._remarks.note(element.position, f"<{element.tag[:40]}> is not read here")
+            unread = f"<{element.tag[:40]}> is not read here"
+            self._remarks.note(element.position, _NO_FORMAT if element.tag == "root" else unread)
 
     def _callers(self, tree_id: str) -> list[Element]:
         calls = (call for of_tree in self._document.calls.values() for call in of_tree)
@@ -212,9 +211,7 @@ class _Import:
     def _initial_value(self, names: TreeNames, name: str) -> Data:
         model = self._document.subtree_models.get(self._document.main, Model(kind="SubTree"))
         declared = declared_port(model, names, name)
-        if not declared.value:
-            return names.default(name)
-        return _plain_default(declared, names, name)
+        return _plain_default(declared, names, name) if declared.value else names.default(name)
 
     def _subtree(self, tree_id: str) -> Data:
         callers = self._callers(tree_id)
@@ -238,7 +235,6 @@ class _Import:
         )
         inputs = {f"{name}_in" if name in names.written else name: name for name in names.needed}
         declared = {name: declared_port(model, names, name) for name in (*names.needed, *outputs)}
-        optional = frozenset(name for name in inputs if declared[inputs[name]].value)
         copied_inputs: dict[str, Data] = {
             inside: Raw(f"${{{outer}}}") for outer, inside in inputs.items() if outer != inside
         }
@@ -247,7 +243,6 @@ class _Import:
             model=model,
             names=names,
             inputs=inputs,
-            optional=optional,
             outputs=outputs,
             can_be_skipped=can_be_skipped(tree),
         )

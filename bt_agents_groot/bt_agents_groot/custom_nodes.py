@@ -43,14 +43,13 @@ def _own_leaf(tree: TreeImport, element: Element) -> YamlNode | None:
         return None
     if own.open:
         values = element.attributes.get("values")
-        outputs = _port_value(tree, values, FieldType.ANY) if values is not None else None
-        fields = outputs if isinstance(outputs, dict) else None
-        outputs = outputs if own.assigns else None
+        data = _port_value(tree, values, FieldType.ANY) if values is not None else None
+        fields = data if isinstance(data, dict) else None
     else:
         fields = _own_fields(tree, element, own)
-        outputs = fields.get("outputs") if fields is not None else None
     if fields is None:
         return None
+    outputs = fields.get("outputs") if not own.open else fields if own.assigns else None
     for name in outputs if isinstance(outputs, dict) else ():
         tree.names.write(name)
     return YamlNode(key=own.key, value=_value(own, fields))

@@ -51,14 +51,14 @@ class Models:
         """Declare a node and return its ID, which for a node of our language is its key."""
         ports = [_port("input_port", one) for one in inputs]
         ports += [_port("output_port", one) for one in outputs]
-        model = Xml(kind, {"ID": model_id}, tuple(ports))
-        self._models.setdefault(model_id, model)
+        self._models.setdefault(model_id, Xml(kind, {"ID": model_id}, tuple(ports)))
         return model_id
 
     def xml(self) -> Xml:
         """Return the declarations."""
-        models = tuple(self._models[key] for key in sorted(self._models))
-        return Xml("TreeNodesModel", children=models)
+        return Xml(
+            "TreeNodesModel", children=tuple(one for _, one in sorted(self._models.items()))
+        )
 
     def _id(self, group: str, name: str) -> str:
         if (group, name) not in self._ids:

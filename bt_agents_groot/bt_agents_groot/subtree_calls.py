@@ -23,7 +23,6 @@ class Callee:
     Attributes:
         model: Declared ports, with their defaults.
         inputs: Declared input → its name inside the tree.
-        optional: Optional inputs.
         outputs: Names that the tree writes and a caller uses.
         can_be_skipped: Whether the whole tree can be left out.
     """
@@ -32,7 +31,6 @@ class Callee:
     names: TreeNames
     model: Model
     inputs: Mapping[str, str]
-    optional: frozenset[str]
     outputs: tuple[str, ...]
     can_be_skipped: bool
 
@@ -98,7 +96,9 @@ def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Calle
         tree.note(
             element, "when the whole tree is left out, ours has succeeded; Groot's is left out"
         )
-    return _subtree(callee.name, arguments, outputs)
+    siblings: dict[str, Data] = {"with": arguments, "outputs": outputs}
+    given = {key: value for key, value in siblings.items() if value}
+    return YamlNode(key="subtree", value=Raw(callee.name), siblings=given)
 
 
 def _inputs(
@@ -109,20 +109,14 @@ def _inputs(
         text = entries.get(inside)
         if text is None and remaps_all(element):
             text = f"{{{callee.names.original(inside)}}}"
+        known = declared_port(callee.model, callee.names, inside)
         if text is not None:
-            known = declared_port(callee.model, callee.names, inside)
             field_type = type_of_port(known, callee.names, inside)
             arguments[declared] = tree.port(element, text, field_type)
-        elif declared not in callee.optional:
+        elif not known.value:
             tree.lost(
                 element,
                 f"nothing says what '{inside}' is for '{callee.name}'; write it under 'with'",
             )
             arguments[declared] = callee.names.default(inside)
     return arguments
-
-
-def _subtree(name: str, arguments: dict[str, Data], outputs: dict[str, Data]) -> YamlNode:
-    siblings: dict[str, Data] = {"with": arguments, "outputs": outputs}
-    given = {key: value for key, value in siblings.items() if value}
-    return YamlNode(key="subtree", value=Raw(name), siblings=given)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from typing import TypeVar
 
 from bt_agents_core.field_types import FieldType
@@ -82,11 +82,11 @@ class TreeImport:
         """Return the skill with the name of an element, whatever is below the element."""
         return self._skill(self, replace(element, children=()))
 
-    def branch(self, element: Element) -> YamlNode:
-        """Return a node that succeeds when it is left out; remark if it can be."""
+    def branch(self, element: Element, ended: str = "succeeded") -> YamlNode:
+        """Return a node that has ``ended`` so when it is left out; remark if it can be."""
         node = self.node(element)
         if can_be_skipped(node):
-            self.note(element, "when it is left out, ours has succeeded; Groot's is left out")
+            self.note(element, f"when it is left out, ours has {ended}; Groot's is left out")
         return node
 
     def decorate(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
@@ -231,9 +231,7 @@ class TreeImport:
         node = self._with_scripts(element, node)
         if not wanted:
             return node
-        whole = wanted[0]
-        for one in wanted[1:]:
-            whole = Binary("and", whole, one)
+        whole = reduce(partial(Binary, "and"), wanted)
         # An earlier decision is never skipped.
         for earlier in decides_earlier:
             whole = Binary("or", earlier, whole)
