@@ -139,11 +139,14 @@ class TreeExport:
         entry = raw.siblings.get("outputs")
         if entry is None or not isinstance(entry.value, MappingNode):
             return {port(output_name(one.name, inputs)): f"{{{one.name}}}" for one in declared}
-        return {
-            port(output_name(item.value.text, inputs)): f"{{{item.key.text}}}"
-            for item in entry.value.entries
-            if isinstance(item.value, Scalar)
-        }
+        ports: dict[str, str] = {}
+        for name, output in ((one.key, one.value) for one in entry.value.entries):
+            assert isinstance(output, Scalar)
+            filled = ports.setdefault(port(output_name(output.text, inputs)), f"{{{name.text}}}")
+            if filled != f"{{{name.text}}}":
+                message = f"'{name.text}' gets no value, as a port fills one entry, here {filled}"
+                self._remarks.note(name.position, message)
+        return ports
 
     def _children(self, raw: RawNode) -> tuple[Xml, ...]:
         return tuple(map(self.node, raw.children))

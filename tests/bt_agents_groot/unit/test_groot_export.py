@@ -161,6 +161,12 @@ def test_unused_ports_of_subtree_survive_round_trip():
     assert not made.remarks
 
 
+def test_second_name_for_an_output_is_noted():
+    made = exported("{ask: Well, outputs: {p: answer, q: answer}}")
+    assert '<Ask text="Well" answer="{p}"/>' in made.text
+    assert any("'q' gets no value" in one.message for one in made.remarks)
+
+
 def test_clean_up_time_is_listed_and_canceller_exported():
     clean_up = "on_cancel: {say: Sorry., when: cancel.by == 'operator'}\non_cancel_within: 5 s\n"
     made = exported("say: Hi", clean_up)
