@@ -15,7 +15,7 @@ from bt_agents_groot.custom_nodes import CustomNodes, MissingSkill
 from bt_agents_groot.document import Document, Load, Model, ModelPort, node_id, read_document
 from bt_agents_groot.naming import Renaming, snake
 from bt_agents_groot.nav2_nodes import NAV2_NODES
-from bt_agents_groot.ports import PortError, field_type_of, from_port, pointed_at
+from bt_agents_groot.ports import PortError, from_port, pointed_at
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.subtree_calls import (
@@ -23,6 +23,7 @@ from bt_agents_groot.subtree_calls import (
     declared_port,
     ports_of_call,
     remaps_all,
+    stated_type,
     subtree_call,
     type_of_port,
 )
@@ -251,7 +252,9 @@ class _Import:
                 outer: _declaration(declared[inside], names, inside)
                 for outer, inside in inputs.items()
             },
-            "outputs": {name: Raw(field_type_of(declared[name].type).value) for name in outputs},
+            "outputs": {
+                name: Raw(stated_type(declared[name], names, name).value) for name in outputs
+            },
             "tree": _with_initial_values(tree, copied_inputs, ""),
         }
         return {key: value for key, value in entries.items() if value}
@@ -267,7 +270,7 @@ def _plain_default(declared: ModelPort, names: TreeNames, name: str) -> Data:
 
 def _declaration(declared: ModelPort, names: TreeNames, name: str) -> Data:
     default = _plain_default(declared, names, name) if declared.value else None
-    return _input(field_type_of(declared.type), default)
+    return _input(stated_type(declared, names, name), default)
 
 
 def _input(field_type: FieldType, default: Data | None = None) -> Data:

@@ -14,6 +14,7 @@ from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
+from bt_agents_language.fields.scope import KINDS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +41,20 @@ def declared_port(model: Model, names: TreeNames, name: str) -> ModelPort:
     return model.ports.get(port(names.original(name)), ModelPort(direction=""))
 
 
+def stated_type(declared: ModelPort, names: TreeNames, name: str) -> FieldType:
+    """Return the declared type of a port; any if its tree uses the name as something else."""
+    field_type = field_type_of(declared.type)
+    used = names.type_of(name)
+    # A text can be made of any value, and a literal number can be one.
+    literal = field_type is FieldType.TEXT and name not in names.needed
+    if literal or used in (FieldType.ANY, FieldType.TEXT) or KINDS[used] is KINDS.get(field_type):
+        return field_type
+    return FieldType.ANY
+
+
 def type_of_port(declared: ModelPort, names: TreeNames, name: str) -> FieldType:
     """Return the declared type of a port, else the type that its tree uses the name as."""
-    field_type = field_type_of(declared.type)
+    field_type = stated_type(declared, names, name)
     return field_type if field_type is not FieldType.ANY else names.type_of(name)
 
 

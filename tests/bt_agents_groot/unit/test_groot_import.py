@@ -467,6 +467,14 @@ def test_subtree_models_give_types_and_defaults():
     assert document(made)["tree"]["with"] == {"count_in": 2}
 
 
+def test_stale_type_in_subtree_model_is_ignored():
+    model = """<TreeNodesModel><SubTree ID="GoThere"><input_port name="count" type="std::string"/>
+      <output_port name="done" type="int"/></SubTree></TreeNodesModel>"""
+    made = imported("<SubTree ID='GoThere' place='hall' count='2' done='{d}'/>", SUB + model)
+    assert document(made)["tree"]["with"] == {"place": "hall", "count_in": 2}
+    assert document(made)["subtrees"]["go_there"]["outputs"] == {"done": "any"}
+
+
 ASKS = """<BehaviorTree ID="Asks"><ScriptCondition code="way == 'true' &amp;&amp; lid == 'shut'"/>
     </BehaviorTree>"""
 
