@@ -50,10 +50,7 @@ _INITIAL_COMMENT = (
     "What a program gave in BehaviorTree.CPP; write what fits, or make tunables of it."
 )
 
-_NO_FORMAT = (
-    "there is no BTCPP_format, so this is read as format 4; convert files of Groot 1 by "
-    "convert_v3_to_v4.py, which comes with BehaviorTree.CPP"
-)
+_NO_FORMAT = "there is no BTCPP_format: read as 4; files of Groot 1 need convert_v3_to_v4.py"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -210,10 +210,9 @@ def _switch_keys(tree: TreeImport, element: Element, cases: int) -> list[Formula
     attributes = [element.attributes[f"case_{number}"] for number in range(1, cases + 1)]
     keys = [_operand(tree, attribute) for attribute in attributes]
     kinds = {type(key.value) for key in keys if isinstance(key, Constant)}
-    if len(kinds) <= 1 or kinds == {int, float}:
-        return keys
+    mixed = len(kinds) > 1 and kinds != {int, float}
     return [
-        Constant(attribute.value) if isinstance(key, Constant) else key
+        Constant(attribute.value) if mixed and isinstance(key, Constant) else key
         for attribute, key in zip(attributes, keys, strict=True)
     ]
 

@@ -337,10 +337,8 @@ def _skill_node(tree: TreeImport, use: _Use) -> YamlNode:
     elif list(use.fields) == [signature.main]:
         [only] = use.fields.values()
         value = use.fields if isinstance(only, dict) else only
-    siblings: dict[str, Data] = {}
-    if use.outputs and use.outputs != usual:
-        siblings["outputs"] = use.outputs
-    return YamlNode(key=use.name, value=value, siblings=siblings)
+    outputs = use.outputs if use.outputs != usual else {}
+    return YamlNode(key=use.name, value=value, siblings={"outputs": outputs} if outputs else {})
 
 
 def _by_default(declared: ModelPort) -> tuple[FieldType, Data]:

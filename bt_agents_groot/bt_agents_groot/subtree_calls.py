@@ -98,8 +98,7 @@ def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Calle
             entry = callee.names.original(name)
         if entry is not None:
             outputs[tree.names.rename(entry)] = name
-    for name in outputs:
-        tree.names.write(name)
+            tree.names.write(tree.names.rename(entry))
     for name in entries:
         if name not in (*callee.inputs.values(), *callee.outputs):
             entry = callee.names.original(name)
