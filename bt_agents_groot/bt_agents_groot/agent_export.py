@@ -13,8 +13,11 @@ from bt_agents_groot.xml_files import Xml, xml_text
 from bt_agents_language.fields.inputs import read_inputs
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.imports import read_imports
-from bt_agents_language.model.specs import SubtreeSpec, Tunable
+from bt_agents_language.files.testing.path_patterns import nodes_of
+from bt_agents_language.model.specs import AgentSpec, SubtreeSpec, Tunable, iter_nodes
+from bt_agents_language.nodes.subtree import SUBTREE
 from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.tree.names_read import names_read
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
@@ -40,8 +43,7 @@ def export_agent(source: Source, symbols: SymbolTable) -> ExportedAgent:
     Raises:
         ReadError: There is a problem in the file; it lists all of them.
     """
-    agent = read_agent(source, symbols)
-    return _Export(symbols).run(source, agent.name, agent.tunables)
+    return _Export(symbols, read_agent(source, symbols)).run(source)
 
 
 @dataclass
@@ -50,32 +52,33 @@ class _TreeFile:
 
     fields: MappingReader
     structure: RawNodeReader
-    file: str
     subtrees: dict[str, SubtreeSpec]
 
 
 class _Export:
-    def __init__(self, symbols: SymbolTable) -> None:
+    def __init__(self, symbols: SymbolTable, agent: AgentSpec) -> None:
         self._symbols = symbols
+        self._agent = agent
+        self._tunables_of = _tunables_of_subtrees(agent)
         self._models = Models()
         self._remarks = Remarks()
         self._files: dict[str, _TreeFile] = {}
         # (file, name) of the used subtrees.
         self._used: list[tuple[str, str]] = []
 
-    def run(self, source: Source, agent: str, tunables: tuple[Tunable, ...]) -> ExportedAgent:
+    def run(self, source: Source) -> ExportedAgent:
         main = self._open(source)
         # Reserve this first, so that the agent's own tree gets the ID of its name.
-        main_id = self._models.tree_id(agent)
-        if tunables:
-            self._models.declare("SubTree", main_id, tunables)
+        main_id = self._models.tree_id(self._agent.name)
+        if self._agent.tunables:
+            self._models.declare("SubTree", main_id, self._agent.tunables)
         trees = [self._tree(main, main.fields.get("tree"), main_id)]
         on_cancel = main.fields.get("on_cancel")
         if on_cancel is not None:
             trees.append(self._tree(main, on_cancel, self._models.tree_id("on_cancel")))
         for name, subtree in main.subtrees.items():
-            if subtree.position.file == main.file:
-                self._use(main.file, name)
+            if subtree.position.file == source.file:
+                self._use(source.file, name)
         # The list grows during the loop.
         for file, name in self._used:
             trees.append(self._subtree(file, name))
@@ -101,7 +104,7 @@ class _Export:
             for entry in fields.entries("subtrees", "names and subtrees")
         }
         structure = RawNodeReader(reading, symbols)
-        opened = _TreeFile(fields, structure, source.file, {**imported, **own})
+        opened = _TreeFile(fields, structure, {**imported, **own})
         self._files[source.file] = opened
         return opened
 
@@ -110,11 +113,12 @@ class _Export:
         raw = file.structure.read(node, "the tree")
         assert raw is not None
 
-        def find(name: str) -> tuple[str, SubtreeSpec]:
+        def find(name: str) -> tuple[str, SubtreeSpec, list[Tunable]]:
             subtree = file.subtrees[name]
             defined_in = subtree.position.file
             self._use(defined_in, name)
-            return self._models.subtree(defined_in, subtree), subtree
+            tunables = self._tunables_of.get((defined_in, name), [])
+            return self._models.subtree(defined_in, subtree, tunables), subtree, tunables
 
         tree = TreeExport(self._models, find, self._remarks).node(raw)
         return Xml("BehaviorTree", {"ID": tree_id}, (tree,))
@@ -136,6 +140,22 @@ class _Export:
                 f"a tree of BehaviorTree.CPP has no place for {', '.join(present)}; tunables are "
                 "ports of the main tree, and a program would give scene.age as scene__age",
             )
+
+
+def _tunables_of_subtrees(agent: AgentSpec) -> dict[tuple[str, str], list[Tunable]]:
+    """Return the tunables that each called subtree of an agent's own file needs."""
+    needed: dict[tuple[str, str], list[Tunable]] = {}
+    for call in nodes_of(agent):
+        if call.kind != SUBTREE.key:
+            continue
+        [body] = call.children
+        key = agent.file, body.path.removeprefix(f"{call.path}/").partition("@")[0]
+        # A library has its own names, which may be the same.
+        if body.position.file == agent.file and key not in needed:
+            own = (one for one in iter_nodes(body) if one.position.file == agent.file)
+            read = {name for one in own for name in names_read(one)}
+            needed[key] = [one for one in agent.tunables if one.name in read]
+    return needed
 
 
 def _interface(reading: TypedReader, name: str, node: Node, file: str) -> SubtreeSpec:

@@ -15,7 +15,7 @@ from bt_agents_groot.custom_nodes import CustomNodes, MissingSkill
 from bt_agents_groot.document import Document, Load, Model, ModelPort, node_id, read_document
 from bt_agents_groot.naming import Renaming, snake
 from bt_agents_groot.nav2_nodes import NAV2_NODES
-from bt_agents_groot.ports import PortError, field_type_of, from_port, pointed_at
+from bt_agents_groot.ports import PortError, from_port, pointed_at
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.subtree_calls import (
@@ -23,6 +23,7 @@ from bt_agents_groot.subtree_calls import (
     declared_port,
     ports_of_call,
     remaps_all,
+    stated_type,
     subtree_call,
     type_of_port,
 )
@@ -33,6 +34,7 @@ from bt_agents_groot.yaml_nodes import (
     Data,
     Raw,
     YamlNode,
+    can_be_skipped,
     comment_lines,
     sequence,
     with_comments,
@@ -47,6 +49,8 @@ _SCRIPT_NAME = re.compile(r"[A-Za-z_@]\w*")
 _INITIAL_COMMENT = (
     "What a program gave in BehaviorTree.CPP; write what fits, or make tunables of it."
 )
+
+_NO_FORMAT = "there is no BTCPP_format: read as 4; files of Groot 1 need convert_v3_to_v4.py"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +173,8 @@ class _Import:
                 f'<include path="{path[:120]}"> is not followed; name that file, too',
             )
         else:
-            self._remarks.note(element.position, f"<{element.tag[:40]}> is not read here")
+            unread = f"<{element.tag[:40]}> is not read here"
+            self._remarks.note(element.position, _NO_FORMAT if element.tag == "root" else unread)
 
     def _callers(self, tree_id: str) -> list[Element]:
         calls = (call for of_tree in self._document.calls.values() for call in of_tree)
@@ -204,9 +209,7 @@ class _Import:
     def _initial_value(self, names: TreeNames, name: str) -> Data:
         model = self._document.subtree_models.get(self._document.main, Model(kind="SubTree"))
         declared = declared_port(model, names, name)
-        if not declared.value:
-            return names.default(name)
-        return _plain_default(declared, names, name)
+        return _plain_default(declared, names, name) if declared.value else names.default(name)
 
     def _subtree(self, tree_id: str) -> Data:
         callers = self._callers(tree_id)
@@ -230,7 +233,6 @@ class _Import:
         )
         inputs = {f"{name}_in" if name in names.written else name: name for name in names.needed}
         declared = {name: declared_port(model, names, name) for name in (*names.needed, *outputs)}
-        optional = frozenset(name for name in inputs if declared[inputs[name]].value)
         copied_inputs: dict[str, Data] = {
             inside: Raw(f"${{{outer}}}") for outer, inside in inputs.items() if outer != inside
         }
@@ -239,15 +241,17 @@ class _Import:
             model=model,
             names=names,
             inputs=inputs,
-            optional=optional,
             outputs=outputs,
+            can_be_skipped=can_be_skipped(tree),
         )
         entries: dict[str, Data] = {
             "inputs": {
                 outer: _declaration(declared[inside], names, inside)
                 for outer, inside in inputs.items()
             },
-            "outputs": {name: Raw(field_type_of(declared[name].type).value) for name in outputs},
+            "outputs": {
+                name: Raw(stated_type(declared[name], names, name).value) for name in outputs
+            },
             "tree": _with_initial_values(tree, copied_inputs, ""),
         }
         return {key: value for key, value in entries.items() if value}
@@ -263,7 +267,7 @@ def _plain_default(declared: ModelPort, names: TreeNames, name: str) -> Data:
 
 def _declaration(declared: ModelPort, names: TreeNames, name: str) -> Data:
     default = _plain_default(declared, names, name) if declared.value else None
-    return _input(field_type_of(declared.type), default)
+    return _input(stated_type(declared, names, name), default)
 
 
 def _input(field_type: FieldType, default: Data | None = None) -> Data:

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from bt_agents_groot.catalogue import BUILTINS
 from bt_agents_groot.document import has_skill, node_id
@@ -93,7 +94,7 @@ def _parallel_all(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def _if_then_else(tree: TreeImport, element: Element) -> YamlNode:
-    cases: list[YamlNode] = []
+    cases: list[tuple[Element, Raw]] = []
     rest = [element]
     # An exported 'choose' consists of such nodes inside each other.
     while rest and (
@@ -103,39 +104,36 @@ def _if_then_else(tree: TreeImport, element: Element) -> YamlNode:
         text = _condition_text(tree, condition_node)
         if text is None:
             break
-        cases.append(numbered_case(tree, then, text, len(cases) + 1))
+        cases.append((then, text))
         rest = otherwise
-    if not cases:
-        return _by_result(tree, element)
-    return _choose(tree, cases, rest)
+    return choose(tree, cases, rest) if cases else _by_result(tree, element)
 
 
-def _choose(tree: TreeImport, cases: list[YamlNode], otherwise: list[Element]) -> YamlNode:
-    options: dict[str, Data] = {}
-    if otherwise:
-        options["otherwise"] = _branch(tree, otherwise[0])
-    return YamlNode(key="choose", value=options, children=tuple(cases))
+def choose(
+    tree: TreeImport, cases: Sequence[tuple[Element, Raw]], otherwise: Sequence[Element] = ()
+) -> YamlNode:
+    """Return the choice between cases with their conditions and at most one other element."""
+    translations = [
+        partial(_numbered_case, tree, element, condition, number)
+        for number, (element, condition) in enumerate(cases, start=1)
+    ]
+    nodes = tree.names.exclusive([*translations, *(partial(tree.branch, o) for o in otherwise)])
+    options: dict[str, Data] = {"otherwise": nodes.pop()} if otherwise else {}
+    return YamlNode(key="choose", value=options, children=tuple(nodes))
 
 
 def _by_result(tree: TreeImport, element: Element) -> YamlNode:
     """Return nodes that choose by the result of a node instead of by a condition."""
     condition_node, first, *otherwise = element.children
     if not otherwise:
-        return sequence(tree.node(condition_node), tree.node(first))
+        return sequence(tree.node(condition_node), tree.branch(first))
     name, *steps = _result_of(tree, condition_node)
-    return sequence(*steps, _choose(tree, [numbered_case(tree, first, Raw(name), 1)], otherwise))
+    return sequence(*steps, choose(tree, [(first, Raw(name))], otherwise))
 
 
-def _branch(tree: TreeImport, element: Element) -> YamlNode:
-    node = tree.node(element)
-    if can_be_skipped(node):
-        tree.note(element, "when it is left out, ours has succeeded; Groot's is left out")
-    return node
-
-
-def numbered_case(tree: TreeImport, element: Element, condition: Raw, number: int) -> YamlNode:
+def _numbered_case(tree: TreeImport, element: Element, condition: Raw, number: int) -> YamlNode:
     """Return a case of a ``choose``, named by its number if it has no name."""
-    case = decorated(_branch(tree, element), "when", condition)
+    case = decorated(tree.branch(element), "when", condition)
     return replace(case, name=case.name or f"case_{number}")
 
 
@@ -168,7 +166,7 @@ def _while_do_else(tree: TreeImport, element: Element) -> YamlNode:
     if len(branches) == 1:
         if has_skill(condition_node):
             return reactive_sequence(tree, element)
-        return _reactive("sequence", tree.node(condition_node), tree.node(branches[0]))
+        return _reactive("sequence", tree.node(condition_node), tree.branch(branches[0]))
     if has_skill(condition_node):
         name = tree.names.fresh("fits")
         condition_asked = asked(tree.node(condition_node), name)
@@ -203,11 +201,8 @@ def _switch(tree: TreeImport, element: Element) -> YamlNode:
     variable = _operand(tree, element.attributes["variable"])
     *branches, default = element.children
     keys = _switch_keys(tree, element, len(branches))
-    cases: list[YamlNode] = []
-    for number, (branch, key) in enumerate(zip(branches, keys, strict=True), start=1):
-        text = tree.text(Binary("==", variable, key))
-        cases.append(numbered_case(tree, branch, text, number))
-    return _choose(tree, cases, [default])
+    conditions = [tree.text(Binary("==", variable, key)) for key in keys]
+    return choose(tree, list(zip(branches, conditions, strict=True)), [default])
 
 
 def _switch_keys(tree: TreeImport, element: Element, cases: int) -> list[Formula]:
@@ -215,10 +210,9 @@ def _switch_keys(tree: TreeImport, element: Element, cases: int) -> list[Formula
     attributes = [element.attributes[f"case_{number}"] for number in range(1, cases + 1)]
     keys = [_operand(tree, attribute) for attribute in attributes]
     kinds = {type(key.value) for key in keys if isinstance(key, Constant)}
-    if len(kinds) <= 1 or kinds == {int, float}:
-        return keys
+    mixed = len(kinds) > 1 and kinds != {int, float}
     return [
-        Constant(attribute.value) if isinstance(key, Constant) else key
+        Constant(attribute.value) if mixed and isinstance(key, Constant) else key
         for attribute, key in zip(attributes, keys, strict=True)
     ]
 

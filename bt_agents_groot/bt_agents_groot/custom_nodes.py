@@ -43,14 +43,13 @@ def _own_leaf(tree: TreeImport, element: Element) -> YamlNode | None:
         return None
     if own.open:
         values = element.attributes.get("values")
-        outputs = _port_value(tree, values, FieldType.ANY) if values is not None else None
-        fields = outputs if isinstance(outputs, dict) else None
-        outputs = outputs if own.assigns else None
+        data = _port_value(tree, values, FieldType.ANY) if values is not None else None
+        fields = data if isinstance(data, dict) else None
     else:
         fields = _own_fields(tree, element, own)
-        outputs = fields.get("outputs") if fields is not None else None
     if fields is None:
         return None
+    outputs = fields.get("outputs") if not own.open else fields if own.assigns else None
     for name in outputs if isinstance(outputs, dict) else ():
         tree.names.write(name)
     return YamlNode(key=own.key, value=_value(own, fields))
@@ -70,14 +69,15 @@ def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
     """Return the node for one of our composites, or None for anything else."""
     ports = {attribute.name for attribute in given_ports(element)}
     own_key = node_id(element)
+    options: dict[str, Data] = {}
     if own_key in (SEQUENCE.key, SELECTOR.key) and ports == {"memory"}:
-        children = tuple(map(tree.node, element.children))
-        memory = element.get("memory") != "false"
-        return YamlNode(key=own_key, value={"memory": memory}, children=children)
-    if own_key == PARALLEL.key and ports == {"succeed_on"}:
-        wanted = tree.port(element, element.get("succeed_on"), FieldType.ANY)
-        children = tuple(map(tree.node, element.children))
-        return YamlNode(key=PARALLEL.key, value={"succeed_on": wanted}, children=children)
+        options = {"memory": element.get("memory") != "false"}
+    elif own_key == PARALLEL.key and ports == {"succeed_on"}:
+        options = {"succeed_on": tree.port(element, element.get("succeed_on"), FieldType.ANY)}
+    if options:
+        return YamlNode(
+            key=own_key, value=options, children=tuple(map(tree.node, element.children))
+        )
     own_ports = [one.name for one in RANDOM.fields]
     if own_key != RANDOM.key or not ports <= {*own_ports, "weights"}:
         return None
@@ -91,7 +91,7 @@ def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
             siblings = {**chosen[number].siblings, "weight": value}
             chosen[number] = replace(chosen[number], siblings=siblings)
     texts = {name: element.get(name) for name in own_ports}
-    options: dict[str, Data] = {name: Raw(text) for name, text in texts.items() if text}
+    options = {name: Raw(text) for name, text in texts.items() if text}
     return YamlNode(key=RANDOM.key, value=options, children=tuple(chosen))
 
 
@@ -205,7 +205,8 @@ class CustomNodes:
             )
             name = f"{name}_skill"
         use = _Use(name, self._signatures.get(name))
-        model = self._models.get(node_id(element)) or _usual_model(element)
+        known = self._models.get(node_id(element))
+        model = known or _usual_model(element)
         if use.signature is None:
             self._missing_skill(name, model).uses += 1
         for attribute in _ports(element, model):
@@ -214,10 +215,13 @@ class CustomNodes:
             if port_key not in self._directions:
                 self._directions[port_key] = _direction(tree, use, attribute, declared)
                 _note_name(tree, attribute)
+                if known is not None and attribute.name not in known.ports:
+                    tree.note(attribute, f"the model of <{node_id(element)}> has no such port")
             direction = self._directions[port_key]
             if direction != "out":
                 self._input(tree, use, attribute, declared)
-            if direction != "in":
+            # An inout port with a constant is only read.
+            if direction == "out" or (direction == "both" and pointed_at(attribute.value)):
                 self._output(tree, use, attribute, declared)
         return _skill_node(tree, use)
 
@@ -290,8 +294,8 @@ def _note_name(tree: TreeImport, attribute: Attribute) -> None:
 def _direction(tree: TreeImport, use: _Use, attribute: Attribute, declared: ModelPort) -> str:
     """Return whether a port is ``in``, ``out`` or ``both``."""
     signature, name = use.signature, field_of(attribute.name)
-    if signature is not None and (name in signature.outputs or name in signature.fields):
-        return "out" if name not in signature.fields else "in"
+    if signature is not None and (name in signature.outputs) != (name in signature.fields):
+        return "out" if name in signature.outputs else "in"
     if signature is not None or declared.direction:
         return declared.direction or "in"
     # It has no declaration. An entry that is not set yet, but used elsewhere, is set here.
@@ -333,10 +337,8 @@ def _skill_node(tree: TreeImport, use: _Use) -> YamlNode:
     elif list(use.fields) == [signature.main]:
         [only] = use.fields.values()
         value = use.fields if isinstance(only, dict) else only
-    siblings: dict[str, Data] = {}
-    if use.outputs and use.outputs != usual:
-        siblings["outputs"] = use.outputs
-    return YamlNode(key=use.name, value=value, siblings=siblings)
+    outputs = use.outputs if use.outputs != usual else {}
+    return YamlNode(key=use.name, value=value, siblings={"outputs": outputs} if outputs else {})
 
 
 def _by_default(declared: ModelPort) -> tuple[FieldType, Data]:

@@ -130,7 +130,8 @@ class _DocumentReader:
             self._open(source)
 
     def _open(self, source: Source) -> None:
-        if source.file not in self._readings:
+        # Files may include one file by several paths.
+        if Path(source.file).resolve() not in {Path(one).resolve() for one in self._readings}:
             self._readings[source.file] = XmlReading(source)
 
     def read(self) -> Document:
@@ -221,7 +222,9 @@ class _DocumentReader:
             )
             return False
         version = root.attributes.get("BTCPP_format")
-        if version is not None and version.value != "4":
+        if version is None and any(one.tag == "BehaviorTree" for one in root.children):
+            self._found.unread.append(root)
+        elif version is not None and version.value != "4":
             self._error(
                 "wrong-format",
                 version,
@@ -239,11 +242,11 @@ class _DocumentReader:
             tree_id = "main"
         if tree_id in self._found.trees:
             if "ID" in element.attributes:
-                first = self._found.trees[tree_id].position.line
+                first = self._found.trees[tree_id].position
                 self._error(
                     "name-taken",
                     element.attributes["ID"],
-                    f"there is a tree {quote(tree_id)} already (line {first})",
+                    f"there is a tree {quote(tree_id)} already ({first})",
                     "rename one of them",
                 )
             return
@@ -296,22 +299,18 @@ class _DocumentReader:
         for child in element.children:
             self._node(child, calls)
 
-    def _check_tree(self, named: Attribute) -> None:
-        if named.value not in self._found.trees:
-            hint = did_you_mean(named.value, self._found.trees)
-            self._error(
-                "unknown-subtree",
-                named,
-                f"there is no <BehaviorTree> {quote(named.value)}",
-                hint or "if it is in another file, name that, too",
-            )
-
     def _builtin(self, element: Element, builtin: Builtin) -> None:
         self._check_count(element, builtin.children)
-        self._check_names(element, builtin.ports)
         for attribute in given_ports(element):
             if attribute.name in builtin.ports:
                 self._port(attribute, builtin.ports[attribute.name], builtin.id)
+            else:
+                self._error(
+                    "unknown-attribute",
+                    attribute,
+                    f"<{builtin.id}> has no attribute {quote(attribute.name)}",
+                    did_you_mean(attribute.name, [*builtin.ports, *CONDITIONS, "name"]),
+                )
         for port in builtin.required:
             if port not in element.attributes:
                 self._missing(element, port, f"it takes {builtin.ports[port].value}")
@@ -321,17 +320,6 @@ class _DocumentReader:
         if model is not None:
             limits: dict[str, Limits] = {"Decorator": (1, 1), "Control": (1, None)}
             self._check_count(element, limits.get(model.kind, (0, 0)))
-            self._check_names(element, model.ports)
-
-    def _check_names(self, element: Element, ports: Mapping[str, object]) -> None:
-        for attribute in given_ports(element):
-            if attribute.name not in ports:
-                self._error(
-                    "unknown-attribute",
-                    attribute,
-                    f"<{node_id(element)}> has no attribute {quote(attribute.name)}",
-                    did_you_mean(attribute.name, [*ports, *CONDITIONS, "name"]),
-                )
 
     def _check_count(self, element: Element, limits: Limits) -> None:
         low, high = limits
@@ -410,19 +398,18 @@ class _DocumentReader:
     def _main(self) -> str:
         root = next(one.root for one in self._readings.values())
         assert root is not None
-        if self._wanted:
-            if self._wanted not in self._found.trees:
+        named = None if self._wanted else root.attributes.get("main_tree_to_execute")
+        wanted = self._wanted if named is None else named.value
+        if wanted:
+            if wanted not in self._found.trees:
+                hint = did_you_mean(wanted, self._found.trees)
                 self._error(
                     "unknown-subtree",
-                    root,
-                    f"there is no <BehaviorTree> {quote(self._wanted)} to start",
-                    did_you_mean(self._wanted, self._found.trees),
+                    named or root,
+                    f"there is no <BehaviorTree> {quote(wanted)} to start",
+                    hint or "if it is in another file, name that, too",
                 )
-            return self._wanted
-        named = root.attributes.get("main_tree_to_execute")
-        if named is not None:
-            self._check_tree(named)
-            return named.value
+            return wanted
         called = {call.get("ID") for calls in self._found.calls.values() for call in calls}
         roots = [tree_id for tree_id in self._found.trees if tree_id not in called]
         if not self._found.trees:

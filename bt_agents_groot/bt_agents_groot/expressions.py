@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from functools import partial, reduce
+
 from bt_agents_groot.formulas import (
     Binary,
     Call,
@@ -101,7 +103,4 @@ def _formula(node: Node) -> Formula:
         plain = following
     if plain or not pieces:
         pieces.append(Constant(plain))
-    whole = pieces[0]
-    for piece in pieces[1:]:
-        whole = Binary("..", whole, piece)
-    return whole
+    return reduce(partial(Binary, ".."), pieces)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial, reduce
 
 from bt_agents_core.errors import BtAgentsError
 
@@ -201,10 +202,8 @@ def _script(formula: Formula) -> tuple[str, int]:
             word = _SCRIPT_WORDS.get(operator, operator)
             return f"{first} {word} {_enclosed(_script(right), strength + 1)}", strength
         case Binary("in", operand, Call("[", arguments)):
-            equal: Formula = Binary("==", operand, arguments[0])
-            for argument in arguments[1:]:
-                equal = Binary("or", equal, Binary("==", operand, argument))
-            return _script(equal)
+            equal = (Binary("==", operand, argument) for argument in arguments)
+            return _script(reduce(partial(Binary, "or"), equal))
         case Binary(operator, _, _):
             raise Untranslatable(f"scripts have no operator '{operator}'")
         case Call(function, _):

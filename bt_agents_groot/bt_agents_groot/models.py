@@ -33,10 +33,10 @@ class Models:
         """Return the ID of a tree of the agent itself."""
         return self._id("tree", name)
 
-    def subtree(self, file: str, subtree: SubtreeSpec) -> str:
-        """Return the ID of a subtree and declare it."""
+    def subtree(self, file: str, subtree: SubtreeSpec, tunables: Iterable[Tunable] = ()) -> str:
+        """Return the ID of a subtree and declare it, with the tunables that it uses."""
         model_id = self._id(f"in {file}", subtree.name)
-        return self.declare("SubTree", model_id, subtree.inputs, subtree.outputs)
+        return self.declare("SubTree", model_id, [*subtree.inputs, *tunables], subtree.outputs)
 
     def leaf(self, name: str, inputs: Iterable[Field], outputs: Iterable[Field] = ()) -> str:
         """Return the ID of a skill or of a plug-in's node and declare it."""
@@ -51,14 +51,14 @@ class Models:
         """Declare a node and return its ID, which for a node of our language is its key."""
         ports = [_port("input_port", one) for one in inputs]
         ports += [_port("output_port", one) for one in outputs]
-        model = Xml(kind, {"ID": model_id}, tuple(ports))
-        self._models.setdefault(model_id, model)
+        self._models.setdefault(model_id, Xml(kind, {"ID": model_id}, tuple(ports)))
         return model_id
 
     def xml(self) -> Xml:
         """Return the declarations."""
-        models = tuple(self._models[key] for key in sorted(self._models))
-        return Xml("TreeNodesModel", children=models)
+        return Xml(
+            "TreeNodesModel", children=tuple(one for _, one in sorted(self._models.items()))
+        )
 
     def _id(self, group: str, name: str) -> str:
         if (group, name) not in self._ids:

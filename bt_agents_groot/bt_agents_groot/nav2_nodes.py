@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import CONDITIONS
-from bt_agents_groot.controls import CONTROLS, noted, numbered_case
+from bt_agents_groot.controls import CONTROLS, choose, noted
 from bt_agents_groot.document import node_id
 from bt_agents_groot.reactive_nodes import Repeated, while_repeated
 from bt_agents_groot.simple_nodes import time_of, unknown_parent
@@ -67,13 +67,9 @@ def _round_robin(tree: TreeImport, element: Element) -> YamlNode:
         return _single_round(tree, element, turn)
     count = len(element.children)
     following = Raw(f"${{(({turn} else {count - 1}) + 1) % {count}}}")
-    cases = [
-        numbered_case(tree, child, Raw(f"{turn} == {number}"), number + 1)
-        for number, child in enumerate(element.children)
-    ]
-    one = sequence(
-        YamlNode(key="set", value={turn: following}), YamlNode(key="choose", children=tuple(cases))
-    )
+    conditions = (Raw(f"{turn} == {number}") for number in range(count))
+    choice = choose(tree, list(zip(element.children, conditions, strict=True)))
+    one = sequence(YamlNode(key="set", value={turn: following}), choice)
     return decorated(one, "retry", count)
 
 

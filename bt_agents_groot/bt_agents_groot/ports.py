@@ -69,12 +69,13 @@ def as_port(node: Node, field_type: FieldType) -> str:
     name = only_name(node.text)
     if name is not None:
         return f"{{{script_name(name)}}}"
-    special = node.text.startswith(JSON) or pointed_at(node.text) is not None
-    if special or (
-        field_type is not FieldType.TEXT and not node.plain and _needs_quotes(node.text)
-    ):
-        return _as_json(node.text)
-    return node.text
+    literal = field_type is FieldType.TEXT or node.plain or not _needs_quotes(node.text)
+    return node.text if literal and not _is_special(node.text) else _as_json(node.text)
+
+
+def _is_special(text: str) -> bool:
+    """Return whether a port takes a text for something else: JSON or the name of an entry."""
+    return text.startswith(JSON) or pointed_at(text) is not None
 
 
 def variants_port(node: Node) -> str:
@@ -89,8 +90,11 @@ def plain_port(value: Plain, field_type: FieldType) -> str:
         if dimension is None or isinstance(value, bool):
             return json.dumps(value)
         return f"{int(value) if value == int(value) else value} {dimension.si}"
-    if isinstance(value, str) and (field_type is FieldType.TEXT or not _needs_quotes(value)):
-        return value
+    # An empty default would be none.
+    if isinstance(value, str) and value and not _is_special(value):
+        return (
+            value if field_type is FieldType.TEXT or not _needs_quotes(value) else _as_json(value)
+        )
     return _as_json(value)
 
 

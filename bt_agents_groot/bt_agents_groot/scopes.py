@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import TypeVar
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.formulas import (
@@ -21,6 +22,8 @@ from bt_agents_groot.formulas import (
 from bt_agents_groot.naming import Renaming
 from bt_agents_groot.ports import Mention
 from bt_agents_language.expression.units import DIMENSIONS
+
+T = TypeVar("T")
 
 _USUAL: Mapping[FieldType, bool | int | float | str] = {
     FieldType.BOOLEAN: False,
@@ -54,8 +57,10 @@ class TreeNames:
         self._given = given
         self._rename = Renaming()
         self._originals: dict[str, str] = {}
-        # Name → whether its first mention in tree order reads it.
+        # Name → whether it is read where no earlier node may have written it.
         self._first: dict[str, bool] = {}
+        # Names that an earlier node may have written.
+        self._valued: set[str] = set()
         # Names for which an expression has an alternative if they have no value.
         self._tried: set[str] = set()
         self._types: dict[str, FieldType] = {}
@@ -95,7 +100,7 @@ class TreeNames:
         """Record that names are read at a place with a type."""
         for name in names:
             if "." not in name:
-                self._first.setdefault(name, True)
+                self._first[name] = self._first.get(name, False) or name not in self._valued
                 self._add_type(name, field_type)
 
     def mention(self, mentions: Iterable[Mention], field_type: FieldType = FieldType.ANY) -> None:
@@ -109,7 +114,19 @@ class TreeNames:
     def write(self, name: str) -> None:
         """Record that a name is written."""
         self._first.setdefault(name, False)
+        self._valued.add(name)
         self.written.add(name)
+
+    def exclusive(self, translations: Iterable[Callable[[], T]]) -> list[T]:
+        """Return translated parts only one of which runs: none reads what another writes."""
+        at_start, at_end = self._valued, set(self._valued)
+        parts: list[T] = []
+        for translate in translations:
+            self._valued = set(at_start)
+            parts.append(translate())
+            at_end |= self._valued
+        self._valued = at_end
+        return parts
 
     def assign(self, name: str, value: Formula) -> None:
         """Record that a name gets the value of a formula."""
@@ -143,7 +160,7 @@ class TreeNames:
 
     @property
     def needed(self) -> list[str]:
-        """Names that the tree reads before it writes them."""
+        """Names that the tree reads where it may not have written them."""
         needed = [name for name, reads in self._first.items() if reads]
         return needed + sorted(self._tried - self._first.keys())
 

@@ -105,11 +105,11 @@ def _chosen(statement: Assignment, names: TreeNames) -> YamlNode:
     choice = statement.value
     assert isinstance(choice, Conditional)
     condition = condition_text(choice.condition, names)
+    names.read_formula(choice.no)
     yes = as_node([Assignment(statement.name, choice.yes)], names)
     no = as_node([Assignment(statement.name, choice.no)], names)
-    case = decorated(yes, "when", condition)
-    named = replace(case, name=case.name or "then")
-    return YamlNode(key="choose", value={"otherwise": no}, children=(named,))
+    case = decorated(replace(yes, name="then"), "when", condition)
+    return YamlNode(key="choose", value={"otherwise": no}, children=(case,))
 
 
 def _value(formula: Formula) -> Data:

@@ -13,16 +13,7 @@ from bt_agents_groot.formulas import Untranslatable, negated
 from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.tree_import import Translate, TreeImport
 from bt_agents_groot.xml_files import Element
-from bt_agents_groot.yaml_nodes import (
-    Data,
-    Raw,
-    YamlNode,
-    can_be_skipped,
-    check,
-    decorated,
-    selector,
-    sequence,
-)
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, check, decorated, selector, sequence
 from bt_agents_language.nodes.node_type import FOREVER
 from bt_agents_language.nodes.when import WHEN
 
@@ -53,7 +44,7 @@ def _timeout(tree: TreeImport, element: Element) -> YamlNode:
 
 def _delay(tree: TreeImport, element: Element) -> YamlNode:
     wait = YamlNode(key="wait", value=_duration(tree, element, "delay_msec"))
-    return sequence(wait, tree.node(element.children[0]))
+    return sequence(wait, tree.branch(element.children[0]))
 
 
 def _run_once(tree: TreeImport, element: Element) -> YamlNode:
@@ -70,13 +61,11 @@ def _precondition(tree: TreeImport, element: Element) -> YamlNode:
     except Untranslatable as error:
         tree.lost(element.attributes["if"], f"the condition is left out: {error}")
         return tree.node(element.children[0])
-    child = tree.node(element.children[0])
-    if can_be_skipped(child) and status != "SKIPPED":
-        ended = "failed" if status == "SUCCESS" else "succeeded"
-        tree.note(element, f"when its child is left out, ours has {ended}; Groot's is left out")
+    if status == "SKIPPED":
+        return tree.decorate(element, tree.node(element.children[0]), WHEN.key, text)
+    ended = "failed" if status == "SUCCESS" else "succeeded"
+    child = tree.branch(element.children[0], ended)
     match status:
-        case "SKIPPED":
-            return decorated(child, "when", text)
         case "SUCCESS":
             return selector(check(opposite), child)
         case "RUNNING":

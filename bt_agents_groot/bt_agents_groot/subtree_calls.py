@@ -14,6 +14,7 @@ from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
+from bt_agents_language.fields.scope import KINDS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,16 +24,16 @@ class Callee:
     Attributes:
         model: Declared ports, with their defaults.
         inputs: Declared input → its name inside the tree.
-        optional: Optional inputs.
         outputs: Names that the tree writes and a caller uses.
+        can_be_skipped: Whether the whole tree can be left out.
     """
 
     name: str
     names: TreeNames
     model: Model
     inputs: Mapping[str, str]
-    optional: frozenset[str]
     outputs: tuple[str, ...]
+    can_be_skipped: bool
 
 
 def declared_port(model: Model, names: TreeNames, name: str) -> ModelPort:
@@ -40,9 +41,20 @@ def declared_port(model: Model, names: TreeNames, name: str) -> ModelPort:
     return model.ports.get(port(names.original(name)), ModelPort(direction=""))
 
 
+def stated_type(declared: ModelPort, names: TreeNames, name: str) -> FieldType:
+    """Return the declared type of a port; any if its tree uses the name as something else."""
+    field_type = field_type_of(declared.type)
+    used = names.type_of(name)
+    # A text can be made of any value, and a literal number can be one.
+    literal = field_type is FieldType.TEXT and name not in names.needed
+    if literal or used in (FieldType.ANY, FieldType.TEXT) or KINDS[used] is KINDS.get(field_type):
+        return field_type
+    return FieldType.ANY
+
+
 def type_of_port(declared: ModelPort, names: TreeNames, name: str) -> FieldType:
     """Return the declared type of a port, else the type that its tree uses the name as."""
-    field_type = field_type_of(declared.type)
+    field_type = stated_type(declared, names, name)
     return field_type if field_type is not FieldType.ANY else names.type_of(name)
 
 
@@ -86,12 +98,18 @@ def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Calle
             entry = callee.names.original(name)
         if entry is not None:
             outputs[tree.names.rename(entry)] = name
-    for name in outputs:
-        tree.names.write(name)
+            tree.names.write(tree.names.rename(entry))
     for name in entries:
         if name not in (*callee.inputs.values(), *callee.outputs):
-            tree.note(element, f"'{name}' is not passed on: '{callee.name}' never uses it")
-    return _subtree(callee.name, arguments, outputs)
+            entry = callee.names.original(name)
+            tree.note(element, f"'{entry}' is not passed on: '{callee.name}' does not need it")
+    if callee.can_be_skipped:
+        tree.note(
+            element, "when the whole tree is left out, ours has succeeded; Groot's is left out"
+        )
+    siblings: dict[str, Data] = {"with": arguments, "outputs": outputs}
+    given = {key: value for key, value in siblings.items() if value}
+    return YamlNode(key="subtree", value=Raw(callee.name), siblings=given)
 
 
 def _inputs(
@@ -102,20 +120,14 @@ def _inputs(
         text = entries.get(inside)
         if text is None and remaps_all(element):
             text = f"{{{callee.names.original(inside)}}}"
+        known = declared_port(callee.model, callee.names, inside)
         if text is not None:
-            known = declared_port(callee.model, callee.names, inside)
             field_type = type_of_port(known, callee.names, inside)
             arguments[declared] = tree.port(element, text, field_type)
-        elif declared not in callee.optional:
+        elif not known.value:
             tree.lost(
                 element,
                 f"nothing says what '{inside}' is for '{callee.name}'; write it under 'with'",
             )
             arguments[declared] = callee.names.default(inside)
     return arguments
-
-
-def _subtree(name: str, arguments: dict[str, Data], outputs: dict[str, Data]) -> YamlNode:
-    siblings: dict[str, Data] = {"with": arguments, "outputs": outputs}
-    given = {key: value for key, value in siblings.items() if value}
-    return YamlNode(key="subtree", value=Raw(name), siblings=given)

@@ -27,7 +27,7 @@ from bt_agents_groot.ports import (
 from bt_agents_groot.translation import Remarks
 from bt_agents_groot.xml_files import Xml
 from bt_agents_language.fields.values import ONE_OF
-from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
+from bt_agents_language.model.specs import FieldSpec, SubtreeSpec, Tunable
 from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.nodes.check import CHECK
 from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, RawNode
@@ -40,8 +40,8 @@ from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 
-Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
-"""Function that returns the ID and the interface of a subtree by its name."""
+Subtrees = Callable[[str], tuple[str, SubtreeSpec, Sequence[Tunable]]]
+"""Function that returns the ID, interface and used tunables of a subtree by its name."""
 
 Decorate = Callable[[Node, Xml], Xml]
 """Function that wraps an element in a decorator, given only its main field or switch.
@@ -139,11 +139,14 @@ class TreeExport:
         entry = raw.siblings.get("outputs")
         if entry is None or not isinstance(entry.value, MappingNode):
             return {port(output_name(one.name, inputs)): f"{{{one.name}}}" for one in declared}
-        return {
-            port(output_name(item.value.text, inputs)): f"{{{item.key.text}}}"
-            for item in entry.value.entries
-            if isinstance(item.value, Scalar)
-        }
+        ports: dict[str, str] = {}
+        for name, output in ((one.key, one.value) for one in entry.value.entries):
+            assert isinstance(output, Scalar)
+            filled = ports.setdefault(port(output_name(output.text, inputs)), f"{{{name.text}}}")
+            if filled != f"{{{name.text}}}":
+                message = f"'{name.text}' gets no value, as a port fills one entry, here {filled}"
+                self._remarks.note(name.position, message)
+        return ports
 
     def _children(self, raw: RawNode) -> tuple[Xml, ...]:
         return tuple(map(self.node, raw.children))
@@ -243,10 +246,13 @@ class TreeExport:
     def _subtree(self, raw: RawNode) -> Xml:
         node = _fields(raw.value, "name")["name"]
         assert isinstance(node, Scalar)
-        tree_id, subtree = self._subtrees(node.text)
+        tree_id, subtree, tunables = self._subtrees(node.text)
         entry = raw.siblings.get("with")
         arguments = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
         ports = self._ports({one.key.text: one.value for one in arguments}, ())
+        ports |= {port(one.name): f"{{{one.name}}}" for one in tunables}
+        # BehaviorTree.CPP refuses calls without all ports.
+        ports |= {port(one.name): f"{{unused_{one.name}}}" for one in subtree.outputs}
         outputs = self._outputs(raw, subtree.outputs)
         return Xml("SubTree", {"ID": tree_id, **ports, **outputs})
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial, reduce
 from typing import TypeVar
 
 from bt_agents_core.field_types import FieldType
@@ -80,6 +81,13 @@ class TreeImport:
     def skill(self, element: Element) -> YamlNode:
         """Return the skill with the name of an element, whatever is below the element."""
         return self._skill(self, replace(element, children=()))
+
+    def branch(self, element: Element, ended: str = "succeeded") -> YamlNode:
+        """Return a node that has ``ended`` so when it is left out; remark if it can be."""
+        node = self.node(element)
+        if can_be_skipped(node):
+            self.note(element, f"when it is left out, ours has {ended}; Groot's is left out")
+        return node
 
     def decorate(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
         """Return a node with a decorator around it; remark on differences if it can be skipped."""
@@ -209,6 +217,9 @@ class TreeImport:
             wanted.append(parse_formula(inner.text))
             rest = {key: value for key, value in node.decorators.items() if key != WHEN.key}
             node = replace(node, decorators=rest)
+        if decides_earlier and can_be_skipped(node):
+            ended = "failed" if SUCCESS_IF in guards else "succeeded"
+            self.note(element, f"when it is left out, ours has {ended}; Groot's is left out")
         if WHILE in guards:
             node = self.decorate(element, node, "while", self.text(guards[WHILE]))
             if not below_fallback:
@@ -220,9 +231,7 @@ class TreeImport:
         node = self._with_scripts(element, node)
         if not wanted:
             return node
-        whole = wanted[0]
-        for one in wanted[1:]:
-            whole = Binary("and", whole, one)
+        whole = reduce(partial(Binary, "and"), wanted)
         # An earlier decision is never skipped.
         for earlier in decides_earlier:
             whole = Binary("or", earlier, whole)
@@ -230,14 +239,16 @@ class TreeImport:
 
     def _with_scripts(self, element: Element, node: YamlNode) -> YamlNode:
         """Return a node with scripts that run after its end."""
-        success, post, failure = (
-            self._read(element, name, self.script) for name in (ON_SUCCESS, POST, ON_FAILURE)
+
+        def scripts(*names: str) -> list[YamlNode]:
+            return [one for name in names for one in self._read(element, name, self.script)]
+
+        after_failure, after_success = self.names.exclusive(
+            [partial(scripts, ON_FAILURE, POST), partial(scripts, ON_SUCCESS, POST)]
         )
         halted = element.attributes.get(ON_HALTED)
         if halted is not None:
             self._leave_out(halted, "nothing is done when a single node is stopped")
-        after_failure = [*failure, *post]
-        after_success = [*success, *post]
         if after_success and can_be_skipped(node):
             self.note(element, "its scripts are run even when it is left out")
         if after_failure:

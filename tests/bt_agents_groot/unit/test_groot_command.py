@@ -133,6 +133,16 @@ def test_incomplete_project_is_rejected_with_position(run, tmp_path, more, words
         run("import", "groot", "round.xml", *words)
 
 
+def test_file_is_read_once_by_any_path(run, tmp_path):
+    (tmp_path / "parts").mkdir()
+    both = '<include path="parts/visit.xml"/><include path="parts/../parts/visit.xml"/>'
+    (tmp_path / "round.xml").write_text(ROUND.format(more=both))
+    back = '<include path="../round.xml"/><BehaviorTree '
+    (tmp_path / "parts" / "visit.xml").write_text(VISIT.replace("<BehaviorTree ", back))
+    out, _ = run("import", "groot", str(tmp_path / "round.xml"), "round.xml")
+    assert "\nsubtrees:\n  visit:\n" in out
+
+
 def test_tree_of_unnamed_file_becomes_skill(run, tmp_path):
     (tmp_path / "round.xml").write_text(ROUND.format(more='<include path="round.xml"/>'))
     out, err = run("import", "groot", "round.xml")
@@ -163,7 +173,8 @@ def test_folder_stands_for_its_files(run, tmp_path):
     greet = '<root><BehaviorTree ID="Greet"><Say text="Hello"/></BehaviorTree></root>'
     (folder / "greet.xml").write_text(greet)
     (folder / "notes.txt").write_text("no tree")
-    out, _ = run("import", "groot", "objectives", "--tree", "Go Out")
+    out, err = run("import", "groot", "objectives", "--tree", "Go Out")
+    assert "go_out.xml:1:1: note: there is no BTCPP_format" in err
     assert "\nagent: go_out\n" in out
     assert "\n  greet:\n" in out
 

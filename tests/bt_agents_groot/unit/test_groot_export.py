@@ -141,6 +141,32 @@ def test_tunables_are_ports_of_the_main_tree():
     ]
 
 
+def test_subtree_gets_its_tunables_from_callers():
+    subtrees = "a: {tree: {subtree: b}}, b: {tree: {wait: '${rest}', timeout: 9 s}}"
+    tree = f"tree: {{subtree: a}}\nsubtrees: {{{subtrees}}}\n"
+    text, _, made, _ = round_trip(f"{HEAD}tunables: {{rest: {{default: 2 s}}}}\n{tree}")
+    assert text.count('<SubTree ID="A" rest="{rest}"/>') == 1
+    assert text.count('<SubTree ID="B" rest="{rest}"/>') == 1
+    assert not made.remarks
+
+
+def test_unused_ports_of_subtree_survive_round_trip():
+    texts = "{a: {type: text, default: ''}, b: {type: text, default: '{b}'}}"
+    part = f"{{inputs: {texts}, outputs: {{c: text}}, tree: {{set: {{c: '${{a}}${{b}}'}}}}}}"
+    tree = f"tree: {{subtree: part, outputs: {{}}}}\nsubtrees: {{part: {part}}}\n"
+    text, _, made, _ = round_trip(HEAD + tree)
+    assert '<SubTree ID="Part" c="{unused_c}"/>' in text
+    assert 'default: ""' in made.text
+    assert 'default: "{b}"' in made.text
+    assert not made.remarks
+
+
+def test_second_name_for_an_output_is_noted():
+    made = exported("{ask: Well, outputs: {p: answer, q: answer}}")
+    assert '<Ask text="Well" answer="{p}"/>' in made.text
+    assert any("'q' gets no value" in one.message for one in made.remarks)
+
+
 def test_clean_up_time_is_listed_and_canceller_exported():
     clean_up = "on_cancel: {say: Sorry., when: cancel.by == 'operator'}\non_cancel_within: 5 s\n"
     made = exported("say: Hi", clean_up)

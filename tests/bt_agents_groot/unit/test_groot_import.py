@@ -16,6 +16,7 @@ from bt_agents_groot.nav2_nodes import NAV2_NODES
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.model.specs import SkillSpec
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.source import Source
 from file_texts import read_agent_text, read_skills_text
 from tree_harness import SYMBOLS
@@ -33,12 +34,12 @@ def xml(start: str, *inner: str) -> str:
     return f"<{start}>{''.join(inner)}</{start.split()[0]}>"
 
 
-def imported(inner: str, more: str = "") -> ImportedAgent:
+def imported(inner: str, more: str = "", symbols: SymbolTable = SYMBOLS) -> ImportedAgent:
     """Return the agent, checked by the reader, for a tree and additional elements."""
     text = f"""<root BTCPP_format="4" main_tree_to_execute="T">
     <BehaviorTree ID="T">{inner}</BehaviorTree>{more}</root>"""
-    made = import_agent(Source("folder/t.xml", text), "a", SYMBOLS)
-    read_agent_text(made.text, "a.yaml", SYMBOLS.with_skills(own_skills(made)))
+    made = import_agent(Source("folder/t.xml", text), "a", symbols)
+    read_agent_text(made.text, "a.yaml", symbols.with_skills(own_skills(made)))
     return made
 
 
@@ -161,6 +162,13 @@ def test_node_becomes_its_equivalent(inner, expected):
         ("<Repeat num_cycles='2'><Sleep msec='1' _skipIf='hot'/></Repeat>", "left out"),
         ("<Sequence><Sleep msec='1' _skipIf='hot'/></Sequence>", "all its children are left out"),
         (f"<IfThenElse>{HOT}<Sleep msec='1' _skipIf='hot'/></IfThenElse>", "Groot's is left out"),
+        (f"<IfThenElse>{S}<Sleep msec='1' _skipIf='hot'/></IfThenElse>", "Groot's is left out"),
+        ("<Delay delay_msec='1'><Sleep msec='1' _skipIf='hot'/></Delay>", "Groot's is left out"),
+        (xml("RunOnce _failureIf='hot'", S), "Groot's is left out"),
+        (
+            xml("Precondition if='hot' else='SKIPPED'", "<Sleep msec='1' _skipIf='hot'/>"),
+            "left out",
+        ),
         ("<Inverter name='a'><AlwaysSuccess name='b'/></Inverter>", "the name 'a'"),
         (f"<Sequence name='{'x' * 70}'>{S}</Sequence>", "shortened"),
         ("<AlwaysSuccess _colour='red'/>", "'_colour' is not read"),
@@ -387,6 +395,19 @@ def test_externally_set_names_are_initialised_first():
     }
 
 
+@pytest.mark.parametrize(
+    "inner",
+    [
+        f"<IfThenElse>{S}<Script code='x := 1'/><ScriptCondition code='x > 1'/></IfThenElse>",
+        "<AlwaysSuccess _onSuccess='x := 1' _post='y := x + 1'/>",
+        "<Script code='x := hot ? 1 : x + 1'/>",
+    ],
+)
+def test_name_written_in_another_case_is_initialised(inner):
+    made = imported(f"<Sequence>{inner}<ScriptCondition code='x > 1'/></Sequence>")
+    assert document(made)["tree"]["sequence"][0]["set"]["x"] == 0
+
+
 def test_names_are_converted_and_stay_distinct():
     assert tree("<Script code='Goal := 1; goal := 2; myGoal := 3; result := 4'/>")["set"] == {
         "goal": 1, "goal_2": 2, "my_goal": 3, "result_2": 4,
@@ -446,6 +467,14 @@ def test_subtree_models_give_types_and_defaults():
     assert document(made)["tree"]["with"] == {"count_in": 2}
 
 
+def test_stale_type_in_subtree_model_is_ignored():
+    model = """<TreeNodesModel><SubTree ID="GoThere"><input_port name="count" type="std::string"/>
+      <output_port name="done" type="int"/></SubTree></TreeNodesModel>"""
+    made = imported("<SubTree ID='GoThere' place='hall' count='2' done='{d}'/>", SUB + model)
+    assert document(made)["tree"]["with"] == {"place": "hall", "count_in": 2}
+    assert document(made)["subtrees"]["go_there"]["outputs"] == {"done": "any"}
+
+
 ASKS = """<BehaviorTree ID="Asks"><ScriptCondition code="way == 'true' &amp;&amp; lid == 'shut'"/>
     </BehaviorTree>"""
 
@@ -484,9 +513,15 @@ def test_plus_of_text_names_joins_texts():
 
 
 def test_missing_and_unused_subtree_inputs_are_listed():
-    made = imported("<SubTree ID='GoThere' count='2' speed='3'/>", SUB)
+    made = imported("<SubTree ID='GoThere' count='2' Speed='3'/>", SUB)
     assert "nothing says what 'place' is" in said(made, RemarkLevel.LOST)
-    assert "'speed' is not passed on" in said(made, RemarkLevel.NOTE)
+    assert "'Speed' is not passed on" in said(made, RemarkLevel.NOTE)
+
+
+def test_subtree_that_can_be_left_out_is_noted():
+    part = f"<BehaviorTree ID='Part'><Sequence _skipIf='true'>{S}</Sequence></BehaviorTree>"
+    made = imported("<Fallback><SubTree ID='Part'/></Fallback>", part)
+    assert "when the whole tree is left out" in said(made, RemarkLevel.NOTE)
 
 
 def test_included_file_is_listed():
@@ -498,6 +533,23 @@ def test_included_file_is_listed():
 WAVE = """<TreeNodesModel><Action ID="WaveHand">
     <input_port name="side" type="std::string"/><input_port name="times" type="int"/>
     <output_port name="seen" type="bool"/></Action></TreeNodesModel>"""
+
+
+def test_port_missing_in_model_is_noted():
+    made = imported("<WaveHand side='left' speed='3'/>", WAVE)
+    assert document(made)["tree"] == {"wave_hand": {"side": "left", "speed": 3}}
+    assert said(made, RemarkLevel.NOTE) == "the model of <WaveHand> has no such port"
+
+
+def test_inout_port_of_declared_skill_stays_connected():
+    model = WAVE.replace("input_port", "inout_port")
+    made = imported("<WaveHand side='{k}'/>", model)
+    again = imported("<WaveHand side='{k}'/>", model, SYMBOLS.with_skills(own_skills(made)))
+    assert not imported("<WaveHand side='left'/>", model).missing[0].outputs
+    calls = [document(one)["tree"]["sequence"][1] for one in (made, again)]
+    assert calls == [
+        {"wave_hand": value, "outputs": {"k": "side"}} for value in ({"side": "${k}"}, "${k}")
+    ]
 
 
 def test_undeclared_skills_come_with_declaration_file():
