@@ -11,9 +11,11 @@ from typing import Any, TypeVar
 
 import rclpy
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from bt_agents_core.errors import Refused
 from bt_agents_core.liveness import LIVE_LEASE_S, SLOW_NETWORK
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.text import ellipsize, printable_line
@@ -68,8 +70,22 @@ def describe(
 
 
 def declare(node: Node, name: str, default: Value, descriptor: ParameterDescriptor) -> Value:
-    """Declare a parameter and return its value, which a launch file may have set."""
-    value: Value = node.declare_parameter(name, default, descriptor).value
+    """Declare a parameter and return its value, which a launch file may have set.
+
+    Raises:
+        Refused: ``OUT_OF_RANGE`` or ``WRONG_TYPE``: the value that it was given at the start.
+    """
+    given = node._parameter_overrides.get(name)
+    if given is not None and isinstance(default, float) and type(given.value) is int:
+        # In a parameter file, 12 is an integer and only 12.0 a double.
+        node._parameter_overrides[name] = Parameter(name, value=float(given.value))
+    try:
+        value: Value = node.declare_parameter(name, default, descriptor).value
+    except InvalidParameterValueException as error:
+        raise Refused(RefusalCode.OUT_OF_RANGE, str(error)) from None
+    except InvalidParameterTypeException as error:
+        hint = f"; a text needs quotes: -p \"{name}:='off'\"" if isinstance(default, str) else ""
+        raise Refused(RefusalCode.WRONG_TYPE, f"{error}{hint}") from None
     return value
 
 

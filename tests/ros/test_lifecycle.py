@@ -179,9 +179,13 @@ def test_deactivation_fault_is_answered_and_cleaned_up(
     assert not list(node.timers)
 
 
-def test_failed_activation_leaves_node_clean(ros: Ros, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "bad", [{"qos_overrides./agents/run_control.publisher.depth": -1}, {"live_lease": "x"}]
+)
+def test_failed_activation_leaves_node_clean(
+    ros: Ros, tmp_path: Path, bad: dict[str, Any]
+) -> None:
     file = tmp_path / "open_goals.json"
-    bad = {"qos_overrides./agents/run_control.publisher.depth": -1}
     trees = write_agents(tmp_path, ann=4.0)
     node = unconfigured(ros, "agents", trees, open_goals=str(file), **bad)
     manager = Manager(ros, "agents")

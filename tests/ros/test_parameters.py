@@ -18,10 +18,10 @@ from rcl_interfaces.srv import (
     SetParameters,
     SetParametersAtomically,
 )
-from rclpy.exceptions import InvalidParameterValueException
 from rclpy.parameter import Parameter as NodeParameter
 
 from active_nodes import active_feedback, active_host, active_market, active_scene_layer
+from bt_agents_core.errors import Refused
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import Script
@@ -141,13 +141,25 @@ def test_hostile_parameter_requests_change_nothing(ros: Any, name: str) -> None:
     assert asking.values() == before
 
 
-def test_infinite_start_parameter_is_a_readable_error(ros: Any) -> None:
-    infinite = NodeParameter("size", value=math.inf)
-    node = ros.add(BaseNode("sample", parameter_overrides=[infinite]))
-    with pytest.raises(
-        InvalidParameterValueException, match="NOT_FINITE: parameter 'size' is inf"
-    ):
-        node.declare_parameter("size", 1.0)
+@pytest.mark.parametrize(
+    ("value", "default", "reason"),
+    [
+        (math.inf, 1.0, "OUT_OF_RANGE: .*NOT_FINITE: parameter 'size' is inf"),
+        ("x", 1.0, "WRONG_TYPE: .*'STRING', expecting type 'DOUBLE': size$"),
+        (False, "auto", """WRONG_TYPE: .*; a text needs quotes: -p "size:='off'"$"""),
+    ],
+)
+def test_wrong_start_value_is_a_readable_error(
+    ros: Any, value: object, default: float | str, reason: str
+) -> None:
+    node = ros.add(BaseNode("sample", parameter_overrides=[NodeParameter("size", value=value)]))
+    with pytest.raises(Refused, match=reason):
+        declare(node, "size", default, describe("its size"))
+
+
+def test_whole_number_at_start_is_a_double(ros: Any) -> None:
+    node = ros.add(BaseNode("sample", parameter_overrides=[NodeParameter("size", value=12)]))
+    assert str(declare(node, "size", 1.0, describe("its size"))) == "12.0"
 
 
 def test_parameter_lists_apply_individually_and_atomic_sets_together(ros: Any) -> None:

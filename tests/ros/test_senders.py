@@ -207,3 +207,4 @@ def test_goals_of_market_without_token_are_refused(market: Market, tmp_path: Pat
     market.token = bytes(16)
     host = market.host(folder(tmp_path, WAITER))
     assert market.refusal(market.goal(host, token=[0] * 16)) == "NOT_THE_MARKET"
+    assert market.refusal(market.goal(host, host_instance="")) == "NOT_THE_MARKET"

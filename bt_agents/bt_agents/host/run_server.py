@@ -361,7 +361,7 @@ class RunServer:
         return self._check_award(goal) if self._market else self._check_direct(goal)
 
     def _check_award(self, goal: Any) -> Scene:
-        if goal.host_instance != self._instance:
+        if goal.host_instance not in ("", self._instance):
             raise Refused(
                 RefusalCode.WRONG_INSTANCE,
                 f"meant for instance '{goal.host_instance}', this is '{self._instance}'",

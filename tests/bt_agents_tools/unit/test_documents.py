@@ -283,6 +283,13 @@ def test_launch_file_nodes_are_executables_of_their_package(path: Path) -> None:
         assert node["exec"] in packages[node["pkg"]].executables(), node
 
 
+@pytest.mark.parametrize("path", sorted(LAUNCH.glob("*.yaml")))
+def test_parameter_file_wins_over_launch_arguments(path: Path) -> None:
+    _, nodes = launched(path)
+    for node in nodes:
+        assert [one for one in node["param"] if "from" in one] == node["param"][-1:], node
+
+
 @pytest.mark.parametrize("folder", ["", "/data/day"])
 def test_launched_system_keeps_journal_only_on_request(folder: str) -> None:
     arguments, nodes = launched(LAUNCH / "system.launch.yaml")

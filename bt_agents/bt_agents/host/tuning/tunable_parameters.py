@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent, SetParametersResult
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -31,7 +30,7 @@ from bt_agents_core.field_types import FieldType
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_ros.parameters import describe
+from bt_agents_ros.parameters import declare, describe
 from bt_agents_ros.timers import FuturePoller, steady_timer
 
 ROS_PARAMETER = "ros parameter"
@@ -208,15 +207,10 @@ class TunableParameters:
     def _declare(self, parameter: TunableParameter, value: Setting) -> Setting:
         """Declare a parameter; return its value, which a parameter file may have set."""
         node, descriptor = self._node, _descriptor(parameter)
-        given = node._parameter_overrides.get(parameter.name)
-        if given is not None and isinstance(value, float) and type(given.value) is int:
-            # In a parameter file, 12 is an integer and only 12.0 a double.
-            whole = Parameter(given.name, value=float(given.value))
-            node._parameter_overrides[parameter.name] = whole
         self.left_out.pop(parameter.name, None)
         try:
-            return parameter.check(node.declare_parameter(parameter.name, value, descriptor).value)
-        except (InvalidParameterTypeException, InvalidParameterValueException, Refused) as error:
+            return parameter.check(declare(node, parameter.name, value, descriptor))
+        except Refused as error:
             self.left_out[parameter.name] = (
                 f"{parameter.name} as it was given at the start is left out, it is "
                 f"{parameter.format(value)}: {error}"
