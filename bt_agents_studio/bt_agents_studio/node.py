@@ -20,7 +20,6 @@ from rclpy.client import Client
 from rclpy.executors import ExternalShutdownException
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from std_msgs.msg import Empty, String
 
@@ -38,7 +37,7 @@ from bt_agents_ros.limits import KIB, MIB, MOST_PARAMETERS
 from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.messages import header_at
 from bt_agents_ros.size_check import check_content, largest_bytes
-from bt_agents_ros.spinner import Spinner
+from bt_agents_ros.spinner import Spinner, starting_ros
 from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, service_called, topic_called
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import load_type
@@ -641,14 +640,14 @@ class NodeThread:
         self._thread.join(_JOIN_S)
 
     def _run(self) -> None:
-        rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
         studio = self._studio
         handlers: tuple[Callable[..., None], ...]
         handlers = (studio.receive, studio.beat, studio.value, studio.graph)
         try:
-            node = StudioNode(
-                *map(self.handover.to, handlers), namespace=os.environ.get("ROS_NAMESPACE", "")
-            )
+            with starting_ros(NO_LOG_FILE):
+                node = StudioNode(
+                    *map(self.handover.to, handlers), namespace=os.environ.get("ROS_NAMESPACE", "")
+                )
         except BaseException as error:
             self._made.set_exception(error)
             rclpy.try_shutdown()
