@@ -46,9 +46,10 @@ def join(address: str, robot: str, state: str) -> None:
     Each agent's file says what it shares: learning: {share: everything}.
     """
     settings = FleetSettings(robot=checked_robot(robot), address=checked_address(address))
+    kept = claim_state(take_trees(is_argument=False), state)
     with closing(_database(settings)) as database:
         database.join()
-    file = write_settings(claim_state(take_trees(is_argument=False), state).path, settings)
+    file = write_settings(kept.path, settings)
     click.echo(f"joined as {settings.robot}; 'bt-agents fleet run' keeps {file.parent} up to date")
 
 
