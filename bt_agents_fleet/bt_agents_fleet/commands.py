@@ -101,9 +101,7 @@ def status(form: TableForm, state: str) -> None:
         Column(key="robot"),
         Column(key="steps", right=True),
         Column(key="position", title="up to row", right=True),
-        Column(
-            key="seen_s", title="seen", text=lambda seconds: f"{seconds:.0f} s ago", right=True
-        ),
+        Column(key="seen_s", title="seen", text=lambda s: f"{s:.0f} s ago", right=True),
     )
     rows = [(one.robot, one.steps, one.position, one.seen_s) for one in robots]
     print_table(columns, rows, form)

@@ -72,14 +72,11 @@ def policy_xml(trees: Trees, hosts: Sequence[str], namespace: str = "/") -> str:
     """
     place = f"/{namespace.strip('/')}".rstrip("/")
     for host in hosts:
-        if "/" in host or not is_full_name(f"{place}/{host}"):
-            named = quote(f"{place}/{host}")
+        taken = host in (*NODES, *ROLES)
+        if taken or "/" in host or not is_full_name(f"{place}/{host}"):
             raise BtAgentsError(
-                f"{named} is no name of a host, expected one such as '/robot1/agents'"
-            )
-        if host in (*NODES, *ROLES):
-            raise BtAgentsError(
-                f"a host is '{host}', the name of another enclave; take another one"
+                f"{quote(f'{place}/{host}')} cannot be a host, expected a name that ROS takes and "
+                "no other enclave has, such as '/robot1/agents'"
             )
     root = Xml.Element("policy", version="0.2.0")
     enclaves = Xml.SubElement(root, "enclaves")

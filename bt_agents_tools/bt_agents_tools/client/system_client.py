@@ -88,8 +88,9 @@ class SystemClient:
     def _client(self, service: str) -> Any:
         if service not in self._clients:
             kind = load_type(service_called(service).type)
-            client = self.node.create_client(kind, service, qos_profile=qos.SERVICE)
-            self._clients[service] = client
+            self._clients[service] = self.node.create_client(
+                kind, service, qos_profile=qos.SERVICE
+            )
         return self._clients[service]
 
     def close(self) -> None:

@@ -30,6 +30,5 @@ def security(directory: str, output: Path, hosts: Sequence[str], namespace: str)
     folder = read_trees(trees, InstalledInterfaces())
     if folder.broken:
         click.echo(f"left out, so that their skills have no rights:\n{folder.report}", err=True)
-    text = policy_xml(folder, hosts, namespace)
-    output.write_text(text, encoding="utf-8")
+    output.write_text(policy_xml(folder, hosts, namespace), encoding="utf-8")
     click.echo(str(output))
