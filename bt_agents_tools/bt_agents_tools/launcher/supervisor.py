@@ -535,8 +535,9 @@ def spawn(
         "PYTHONUNBUFFERED": "1",
     }
     of_command = environment.get(ENCLAVE, "")
-    if of_command and not component.parts:
-        # ROS prefers it to any argument, and nodes may do what the command may not.
+    if of_command and not component.parts and component.name != "fleet":
+        # ROS prefers it to any argument, and nodes may do what the command may not; the process
+        # of the fleet is a client like the command.
         environment[ENCLAVE] = f"{of_command.rpartition('/')[0]}/{component.name}"
     try:
         with log.open(start) as file:
