@@ -46,9 +46,10 @@ def join(address: str, robot: str, state: str) -> None:
     Each agent's file says what it shares: learning: {share: everything}.
     """
     settings = FleetSettings(robot=checked_robot(robot), address=checked_address(address))
+    kept = claim_state(take_trees(is_argument=False), state)
     with closing(_database(settings)) as database:
         database.join()
-    file = write_settings(claim_state(take_trees(is_argument=False), state).path, settings)
+    file = write_settings(kept.path, settings)
     click.echo(f"joined as {settings.robot}; 'bt-agents fleet run' keeps {file.parent} up to date")
 
 
@@ -100,9 +101,7 @@ def status(form: TableForm, state: str) -> None:
         Column(key="robot"),
         Column(key="steps", right=True),
         Column(key="position", title="up to row", right=True),
-        Column(
-            key="seen_s", title="seen", text=lambda seconds: f"{seconds:.0f} s ago", right=True
-        ),
+        Column(key="seen_s", title="seen", text=lambda s: f"{s:.0f} s ago", right=True),
     )
     rows = [(one.robot, one.steps, one.position, one.seen_s) for one in robots]
     print_table(columns, rows, form)

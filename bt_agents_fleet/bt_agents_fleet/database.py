@@ -107,19 +107,17 @@ def checked_address(address: str) -> str:
             f"the address of the database: {_line(error)}; expected something like "
             "postgresql://robots@db.example/fleet",
         ) from None
-    if "password" in options:
+    if options.keys() & {"password", "sslpassword"}:
         raise FleetError(
             RefusalCode.PASSWORD_IN_ADDRESS,
             "the address has a password in it, which the list of processes shows to everybody; "
             "take it out, and write it into ~/.pgpass",
         )
-    for option in ("passfile", "sslrootcert"):
+    for option in ("passfile", "sslcert", "sslcrl", "sslcrldir", "sslkey", "sslrootcert"):
         if option in options and options[option] != "system":
             options[option] = str(Path(options[option]).resolve())
-    host = str(options.get("host", ""))
-    if host and not host.startswith("/"):
-        options.setdefault("sslmode", "verify-full")
-    return make_conninfo(**options)
+    # Without a host in the address, PGHOST may name a remote one; local sockets ignore the mode.
+    return make_conninfo(**{"sslmode": "verify-full", **options})
 
 
 class FleetDatabase:

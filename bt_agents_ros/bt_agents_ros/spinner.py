@@ -10,8 +10,8 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from typing import Any, Protocol, runtime_checkable
 
 import rclpy
@@ -20,7 +20,7 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from bt_agents_core.errors import NodeMustEnd
+from bt_agents_core.errors import BtAgentsError, NodeMustEnd
 from bt_agents_core.liveness import LONGEST_PAUSE_S, StallDetector
 from bt_agents_ros.local_bus import LocalBus
 from bt_agents_ros.node_main import READY, READY_BYTES, RESTARTED, SUPERVISED
@@ -112,6 +112,20 @@ class Spinner:
                 node.destroy_node()
 
 
+@contextmanager
+def starting_ros(args: Sequence[str] | None) -> Iterator[None]:
+    """Initialize ROS for a block that creates a node; None stands for the command line.
+
+    Raises:
+        BtAgentsError: ROS refuses, for example an argument, a parameter file or a key.
+    """
+    try:
+        rclpy.init(args=args and [*args], signal_handler_options=SignalHandlerOptions.NO)
+        yield
+    except RuntimeError as error:
+        raise BtAgentsError(f"ROS cannot start: {error}") from None
+
+
 def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Create a node and spin it until SIGINT, SIGTERM or a shutdown of its context.
 
@@ -142,9 +156,10 @@ def run_together(
     interrupt = Interrupt()
     die_with_parent()
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # such as an argument or a parameter file that ROS cannot read
-        print(f"error: ROS cannot start: {error}", file=sys.stderr)
+        with starting_ros(args):
+            pass
+    except BtAgentsError as error:
+        print(f"error: {error}", file=sys.stderr)
         return 1
     nodes: list[Any] = []
     try:

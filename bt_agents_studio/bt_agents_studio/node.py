@@ -20,7 +20,6 @@ from rclpy.client import Client
 from rclpy.executors import ExternalShutdownException
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from std_msgs.msg import Empty, String
 
@@ -30,22 +29,21 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_core.liveness import HEARTBEAT_S
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import is_full_name
-from bt_agents_interfaces.msg import HostCard, OpenQuestions, Scene, SceneValue, Tunables, Tunings
+from bt_agents_interfaces.msg import HostCard, OpenQuestions, Tunables, Tunings
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.limits import KIB, MIB, MOST_PARAMETERS
 from bt_agents_ros.log_files import NO_LOG_FILE
-from bt_agents_ros.messages import header_at
 from bt_agents_ros.size_check import check_content, largest_bytes
-from bt_agents_ros.spinner import Spinner
+from bt_agents_ros.spinner import Spinner, starting_ros
 from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, service_called, topic_called
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import load_type
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 from bt_agents_studio.records import ListeningRecord
 from bt_agents_studio.studio import Studio
-from bt_agents_tools.client import open_questions, publication, tuning
+from bt_agents_tools.client import market, open_questions, publication, tuning
 from bt_agents_tools.client.write_back import ParameterState
 
 MOST_HOSTS = 100
@@ -213,19 +211,8 @@ class StudioNode(BaseNode):
             values: Values of all scene parameters in order; NaN if missing.
             limit_s: Longest wait for the answer [s].
         """
-        scene = Scene(
-            header=header_at(self.get_clock().now().to_msg()),
-            scene_id="preview",
-            person=True,
-            values=[
-                SceneValue(name=name, value=value, origin=SceneValue.GIVEN, std=0.0)
-                if value == value
-                else SceneValue(
-                    name=name, value=value, origin=SceneValue.MISSING, age_s=value, std=value
-                )
-                for name, value in values.items()
-            ],
-        )
+        given = {name: value for name, value in values.items() if value == value}
+        scene = market.scene_of(self, list(values), given, scene_id="preview", person=True)
         return self.call("marketplace/preview", {"scene": scene}, limit_s)
 
     def set_market_parameters(
@@ -249,11 +236,8 @@ class StudioNode(BaseNode):
 
         def begin() -> None:
             if len(self._waiting) >= MOST_WAITING:
-                done.set_exception(
-                    Refused(
-                        RefusalCode.BUSY, f"{MOST_WAITING} messages are being published; try again"
-                    )
-                )
+                reason = f"{MOST_WAITING} messages are being published; try again"
+                done.set_exception(Refused(RefusalCode.BUSY, reason))
                 return
             self._waiting.append((make(), done))
             self._advancing.reset()
@@ -641,14 +625,14 @@ class NodeThread:
         self._thread.join(_JOIN_S)
 
     def _run(self) -> None:
-        rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
         studio = self._studio
-        handlers: tuple[Callable[..., None], ...]
-        handlers = (studio.receive, studio.beat, studio.value, studio.graph)
+        to = self.handover.to
         try:
-            node = StudioNode(
-                *map(self.handover.to, handlers), namespace=os.environ.get("ROS_NAMESPACE", "")
-            )
+            with starting_ros(NO_LOG_FILE):
+                node = StudioNode(
+                    *(to(studio.receive), to(studio.beat), to(studio.value), to(studio.graph)),
+                    namespace=os.environ.get("ROS_NAMESPACE", ""),
+                )
         except BaseException as error:
             self._made.set_exception(error)
             rclpy.try_shutdown()

@@ -55,14 +55,33 @@ class Address:
     key: Path | None = None
     listening: socket.socket | None = None
 
+    @property
+    def name(self) -> str:
+        """The host as browsers write it."""
+        return f"[{self.host}]" if ":" in self.host else self.host.lower()
+
+    def hosts(self, port: int) -> frozenset[str]:
+        """Return what a browser may name as ``Host``; it leaves out the standard port."""
+        names = {self.name, *(("127.0.0.1", "localhost") if is_loopback(self.host) else ())}
+        bare = names if port == (80 if self.certificate is None else 443) else frozenset()
+        return frozenset(f"{name}:{port}" for name in names) | bare
+
     def context(self) -> ssl.SSLContext | None:
         """Return the TLS settings, None without TLS.
 
         Raises:
-            BtAgentsError: The address is reachable from other machines and there is no
-                certificate, or it cannot be read.
+            BtAgentsError: The address is that of no machine, or reachable from other machines
+                without a certificate; or certificate or key cannot be read.
         """
+        if self.host in ("", "0.0.0.0", "::"):
+            # A browser names the address that it has opened, and the studio answers for its own.
+            raise BtAgentsError(
+                f"--address is '{self.host}', which no browser can open; give the address or name "
+                "of this machine under which others open the studio, such as 192.168.1.20"
+            )
         if self.certificate is None:
+            if self.key is not None:
+                raise BtAgentsError("--key needs --certificate: without it there is no TLS")
             if not is_loopback(self.host):
                 raise BtAgentsError(
                     f"{self.host} can be reached from other machines, so the studio needs TLS "
@@ -73,7 +92,8 @@ class Address:
         try:
             context.load_cert_chain(self.certificate, self.key)
         except (OSError, ssl.SSLError) as error:
-            raise BtAgentsError(f"the certificate {self.certificate}: {error}") from None
+            keyed = "" if self.key else "; if its key is a file of its own, name it with --key"
+            raise BtAgentsError(f"the certificate {self.certificate}: {error}{keyed}") from None
         return context
 
 
@@ -128,18 +148,17 @@ async def serve(
         listening = address.listening or listen(address.host, ports)
         port = listening.getsockname()[1]
         scheme = "https" if context is not None else "http"
-        names = {address.host, *(("127.0.0.1", "localhost") if is_loopback(address.host) else ())}
         # Only this process has the port, so no other process writes this file.
         file = AccessFile(kept / f"studio-{port}.json" if kept is not None else None)
         access = AccessControl(
-            frozenset(f"{name}:{port}" for name in names),
+            address.hosts(port),
             scheme=scheme,
             random_bytes=secrets.token_bytes,
             clock=time.time,
             kept=file.read(),
             keep=file.write,
         )
-        base = f"{scheme}://{address.host}:{port}/"
+        base = f"{scheme}://{address.name}:{port}/"
         addresses = {
             role: f"{base}{_PAGES.get(role, '')}#{access.token(role)}" for role in SessionRole
         }

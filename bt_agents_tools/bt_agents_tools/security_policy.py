@@ -6,7 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from xml.etree import ElementTree as Xml
 
+from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.ros_names import is_full_name
+from bt_agents_core.text import quote
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_language.nodes.catalogue import type_of
@@ -62,18 +65,30 @@ _TREE_STREAMS: Rights = {
 
 
 def policy_xml(trees: Trees, hosts: Sequence[str], namespace: str = "/") -> str:
-    """Return the policy file that ``ros2 security`` makes the permissions of a keystore from."""
+    """Return the policy file that ``ros2 security`` makes the permissions of a keystore from.
+
+    Raises:
+        BtAgentsError: A host has a name that ROS refuses, or that of another enclave.
+    """
+    place = f"/{namespace.strip('/')}".rstrip("/")
+    for host in hosts:
+        taken = host in (*NODES, *ROLES)
+        if taken or "/" in host or not is_full_name(f"{place}/{host}"):
+            raise BtAgentsError(
+                f"{quote(f'{place}/{host}')} cannot be a host, expected a name that ROS takes and "
+                "no other enclave has, such as '/robot1/agents'"
+            )
     root = Xml.Element("policy", version="0.2.0")
     enclaves = Xml.SubElement(root, "enclaves")
     for name, rights in rights_of(trees, hosts).items():
         enclave = Xml.SubElement(enclaves, "enclave", path=f"/bt_agents/{name}")
-        of_node = {"ns": namespace, "node": OBSERVER if name in ROLES else name}
+        of_node = {"ns": place or "/", "node": OBSERVER if name in ROLES else name}
         profile = Xml.SubElement(Xml.SubElement(enclave, "profiles"), "profile", of_node)
         for right, names in rights.items():
             if names:
                 group = Xml.SubElement(profile, f"{_KINDS[right]}s", {right: "ALLOW"})
                 for one in sorted(names):
-                    inside = "" if one.startswith("/") else f"{namespace.rstrip('/')}/"
+                    inside = "" if one.startswith("/") else f"{place}/"
                     Xml.SubElement(group, _KINDS[right]).text = inside + one
     Xml.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{Xml.tostring(root, encoding="unicode")}\n'

@@ -31,7 +31,6 @@ RELOADING = "bt_agents/bt_agents/host/reload/reload_service.py"
 
 PLAIN = ("rclpy", "executor")
 ACTION_SERVERS = ("ActionServer", "QuietActionServer")
-INITS = (RUNNER, "bt_agents_tools/bt_agents_tools/client/system_client.py")
 
 SOURCES = {
     str(path.relative_to(ROOT)): ast.parse(path.read_text())
@@ -166,7 +165,7 @@ def served_nodes(tree: ast.AST) -> Iterator[ast.AST]:
         (endless_servers, ()),
         (unsteady_timers, ()),
         (spinning, (RUNNER,)),
-        (initialising, INITS),
+        (initialising, (RUNNER,)),
         (plain_nodes, (BUS,)),
         (served_nodes, ()),
         (blocking, (RELOADING,)),

@@ -593,7 +593,9 @@ def test_first_schema_version_is_migrated_with_its_steps(anna, make, rows):
     [
         ("postgresql://robots@db.example/fleet", ["verify-full"]),
         ("host=db.example sslmode=require", ["require"]),
-        ("host=/run/postgresql dbname=fleet", []),
+        ("hostaddr=192.168.1.9 dbname=fleet", ["verify-full"]),
+        ("host=/run/postgresql,db.example dbname=fleet", ["verify-full"]),
+        ("dbname=fleet", ["verify-full"]),
     ],
 )
 def test_remote_server_certificate_is_checked_by_default(address, modes):
@@ -602,8 +604,9 @@ def test_remote_server_certificate_is_checked_by_default(address, modes):
 
 def test_files_in_address_become_absolute_paths(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    address = checked_address("host=a sslrootcert=fleet.crt passfile=/etc/passwords")
+    address = checked_address("host=a sslrootcert=fleet.crt sslkey=k passfile=/etc/passwords")
     assert f"sslrootcert={tmp_path}/fleet.crt" in address
+    assert f"sslkey={tmp_path}/k" in address
     assert "passfile=/etc/passwords" in address
     assert "sslrootcert=system" in checked_address("host=a sslrootcert=system")
 
@@ -612,6 +615,7 @@ def test_files_in_address_become_absolute_paths(tmp_path, monkeypatch):
     ("address", "code"),
     [
         ("postgresql://robots:secret@db.example/fleet", "PASSWORD_IN_ADDRESS"),
+        ("host=a sslpassword=secret", "PASSWORD_IN_ADDRESS"),
         ("postgresql://[", "BAD_ADDRESS"),
         ("colour=green", "BAD_ADDRESS"),
     ],

@@ -10,6 +10,8 @@ import sys
 
 import pytest
 
+from checkout import ROOT
+
 LIMIT_S = 60.0
 
 PROGRAM = """
@@ -141,6 +143,19 @@ def test_unreadable_ros_argument_is_one_error() -> None:
         "error: ROS cannot start: failed to initialize rcl: Couldn't parse params file" in lines[1]
     )
     assert "Traceback" not in lines[1]
+
+
+@pytest.mark.parametrize("arguments", [["status"], ["studio", str(ROOT / "trees")]])
+def test_missing_keystore_is_one_error(
+    arguments: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in (("ENABLE", "true"), ("STRATEGY", "Enforce"), ("KEYSTORE", "/nowhere")):
+        monkeypatch.setenv(f"ROS_SECURITY_{name}", value)
+    start = f"import sys; from bt_agents_tools.cli import main; sys.argv[1:] = {arguments}; main()"
+    code, text = printed(start)
+    assert code == 1
+    assert "error: ROS cannot start: failed to initialize rcl: SECURITY ERROR" in text
+    assert "Traceback" not in text
 
 
 def test_start_keeps_the_participant_of_its_process() -> None:

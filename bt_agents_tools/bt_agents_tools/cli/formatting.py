@@ -83,16 +83,16 @@ def fitted_console(form: TableForm = TableForm.FITTED) -> Console:
 
 
 def print_line(console: Console, head: str, text: Text | str, indent: int = 0) -> None:
-    """Print a text after a head with markup: wrapped at words on a terminal, else as one line.
+    """Print a text after a head with markup; on a terminal it is wrapped at words.
 
     Further lines are indented by a number of characters, which defaults to the length of the head.
     """
     front = Text.from_markup(head)
     indent = indent or front.cell_len
     body = text if isinstance(text, Text) else Text(text)
-    lines = [body]
+    lines = body.split(allow_blank=True)
     if console.is_terminal:
-        lines = list(body.wrap(console, max(_NARROWEST, console.width - indent)))
+        lines = body.wrap(console, max(_NARROWEST, console.width - indent))
     for line in lines or [body]:
         line.rstrip()
         console.print(front + line, highlight=False, soft_wrap=True)

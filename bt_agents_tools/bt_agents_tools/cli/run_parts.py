@@ -17,6 +17,7 @@ from rich.console import Console
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_ros.system_topics import NODES
 from bt_agents_tools.cli.aside_output import printing_aside
 from bt_agents_tools.cli.connection import new_observer
 from bt_agents_tools.cli.fleet_plan import FleetPlan
@@ -125,7 +126,7 @@ def host_name(named: str) -> str:
             f"--name is '{named[:_LONGEST_NAME]}', expected letters, digits and '_', a letter "
             f"first, {_LONGEST_NAME} characters at most"
         )
-    if named in PARTS.values() and named != components.HOST:
+    if named in NODES:
         raise click.UsageError(f"--name is '{named}', the name of another part; take another one")
     return named
 

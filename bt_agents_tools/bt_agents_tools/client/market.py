@@ -25,14 +25,14 @@ _NO_ANSWER = "the marketplace does not answer; look at 'bt-agents status'"
 
 
 def scene_of(
-    observer: Observer,
+    node: Any,
     names: Sequence[str],
     given: Mapping[str, float],
+    last: Any = None,
     *,
     scene_id: str,
-    last: Any,
-    person: bool | None,
-    label: str,
+    person: bool | None = None,
+    label: str = "",
 ) -> Any:
     """Return a scene message with some given values; others are as in the last scene or missing.
 
@@ -40,7 +40,7 @@ def scene_of(
     """
     known = {value.name: value for value in last.values} if last is not None else {}
     scene = Scene(
-        header=header_at(observer.node.get_clock().now().to_msg()),
+        header=header_at(node.get_clock().now().to_msg()),
         scene_id=scene_id,
         label=label,
         person=person if person is not None else (last is None or bool(last.person)),
@@ -74,7 +74,8 @@ def _value(name: str, given: Mapping[str, float], known: Mapping[str, Any]) -> A
         return SceneValue(name=name, value=given[name], origin=SceneValue.GIVEN)
     if name in known:
         return known[name]
-    return SceneValue(name=name, value=math.nan, origin=SceneValue.MISSING, age_s=math.nan)
+    nan = math.nan
+    return SceneValue(name=name, value=nan, origin=SceneValue.MISSING, age_s=nan, std=nan)
 
 
 def strategies(observer: Observer) -> Strategies:

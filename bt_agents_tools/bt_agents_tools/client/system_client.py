@@ -8,12 +8,11 @@ from collections.abc import Callable
 from typing import Any
 
 import rclpy
-from rclpy.signals import SignalHandlerOptions
 
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.log_files import NO_LOG_FILE
-from bt_agents_ros.spinner import Spinner
+from bt_agents_ros.spinner import Spinner, starting_ros
 from bt_agents_ros.system_topics import service_called
 from bt_agents_ros.types import load_type
 from bt_agents_tools.client.printable_messages import make_printable
@@ -41,10 +40,11 @@ class SystemClient:
     """
 
     def __init__(self) -> None:
-        rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
-        self.node = rclpy.create_node(
-            _NAME, namespace=os.environ.get("ROS_NAMESPACE", ""), start_parameter_services=False
-        )
+        namespace = os.environ.get("ROS_NAMESPACE", "")
+        with starting_ros(NO_LOG_FILE):
+            self.node = rclpy.create_node(
+                _NAME, namespace=namespace, start_parameter_services=False
+            )
         self.namespace = self.node.get_namespace()
         self._spinner = Spinner(self.node)
         self._calls = Calls(self.node)
@@ -88,8 +88,9 @@ class SystemClient:
     def _client(self, service: str) -> Any:
         if service not in self._clients:
             kind = load_type(service_called(service).type)
-            client = self.node.create_client(kind, service, qos_profile=qos.SERVICE)
-            self._clients[service] = client
+            self._clients[service] = self.node.create_client(
+                kind, service, qos_profile=qos.SERVICE
+            )
         return self._clients[service]
 
     def close(self) -> None:

@@ -31,6 +31,7 @@ LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
 LAN_PROFILE = Path(__file__).with_name("lan.xml")
 
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+ENCLAVE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
 _FAST_DDS = ("", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
 RANGES = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
@@ -533,6 +534,11 @@ def spawn(
         "RCUTILS_COLORIZED_OUTPUT": "0",
         "PYTHONUNBUFFERED": "1",
     }
+    of_command = environment.get(ENCLAVE, "")
+    if of_command and not component.parts and component.name != "fleet":
+        # ROS prefers it to any argument, and nodes may do what the command may not; the process
+        # of the fleet is a client like the command.
+        environment[ENCLAVE] = f"{of_command.rpartition('/')[0]}/{component.name}"
     try:
         with log.open(start) as file:
             process = launch(

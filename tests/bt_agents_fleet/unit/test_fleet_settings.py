@@ -10,10 +10,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import Share
 from bt_agents_core.state_folder import FLEET_SETTINGS
+from bt_agents_fleet import commands
 from bt_agents_fleet.fleet_settings import (
     FleetSettings,
     checked_robot,
@@ -54,6 +56,13 @@ def test_invalid_settings_are_refused(tmp_path, text):
 def test_invalid_robot_name_is_refused(name):
     with pytest.raises(Refused, match="BAD_ROBOT"):
         checked_robot(name)
+
+
+def test_joining_without_trees_uses_no_database(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(commands, "_database", pytest.fail)
+    joined = CliRunner().invoke(commands.fleet, ["join", "host=a", "--robot", "anna"])
+    assert "no trees folder here" in str(joined.exception)
 
 
 def test_missing_or_damaged_status_reads_as_empty(tmp_path):

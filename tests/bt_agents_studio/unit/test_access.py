@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from bt_agents_core.errors import Refused
+from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_studio.access import (
     ALL_ROLES,
     LARGEST_STATE,
@@ -27,6 +27,7 @@ from bt_agents_studio.access import (
     is_loopback,
 )
 from bt_agents_studio.access_file import AccessFile
+from bt_agents_studio.service import Address
 
 HOST = "127.0.0.1:8770"
 OWN = f"http://{HOST}"
@@ -249,6 +250,28 @@ def test_damaged_access_file_is_replaced(kept: str) -> None:
 def test_loopback_addresses_are_distinguished_from_others() -> None:
     assert all(map(is_loopback, ("127.0.0.1", "127.9.9.9", "::1", "localhost")))
     assert not any(map(is_loopback, ("0.0.0.0", "192.168.1.2", "::", "robot", "")))
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "named"),
+    [
+        ("::1", 8770, "[::1]:8770"),
+        ("Robot.local", 8770, "robot.local:8770"),
+        ("localhost", 80, "localhost"),
+    ],
+)
+def test_studio_has_the_name_that_browsers_send(host: str, port: int, named: str) -> None:
+    assert named in Address(host=host).hosts(port)
+    assert "localhost" not in Address(host="127.0.0.1").hosts(8770)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [Address(host="0.0.0.0", certificate=Path("studio.pem")), Address(key=Path("studio.key"))],
+)
+def test_address_that_nobody_can_open_is_refused(address: Address) -> None:
+    with pytest.raises(BtAgentsError, match="--"):
+        address.context()
 
 
 # --- the file of the tokens and sessions -----------------------------------------------------

@@ -164,7 +164,7 @@ def test_a_host_is_named_after_its_machine(monkeypatch: pytest.MonkeyPatch):
     assert "__node:=left_arm" in components.host(Path("/trees"), name="left_arm").command()
 
 
-@pytest.mark.parametrize("name", ["left arm", "7", "robot", "x" * 61, "ä"])
+@pytest.mark.parametrize("name", ["left arm", "7", "robot", "journal", "x" * 61, "ä"])
 def test_invalid_host_name_is_refused(name: str):
     with pytest.raises(click.UsageError, match=r"--name is "):
         host_name(name)

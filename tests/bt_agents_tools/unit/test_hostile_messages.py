@@ -6,6 +6,7 @@ from __future__ import annotations
 import inspect
 import io
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -89,6 +90,7 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
 
     spinner = SimpleNamespace(spin_until=lambda done, _, **__: done(), close=lambda: None)
     monkeypatch.setattr(system_client, "rclpy", fake)
+    monkeypatch.setattr(system_client, "starting_ros", lambda _: nullcontext())
     monkeypatch.setattr(system_client, "Spinner", lambda _: spinner)
     monkeypatch.setattr(observer, "steady_timer", added_timer)
     monkeypatch.setattr(system_client, "Calls", lambda _: SimpleNamespace(call=answered_call))

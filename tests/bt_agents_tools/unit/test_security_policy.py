@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import itertools
 import re
+import shutil
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 
 import pytest
 from click.testing import CliRunner
 
+from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_tools.cli.commands.security import security
@@ -93,6 +95,25 @@ def test_policy_has_sros2_format(trees: Trees, table: dict[str, Rights]) -> None
                 name = (one.text or "").removesuffix("_streams/*")
                 assert name.startswith("/")
                 assert not set(name) & set("*~{")
+
+
+@pytest.mark.parametrize("namespace", ["robot1", "/robot1/", "/robot1"])
+def test_slashes_of_namespace_do_not_count(trees: Trees, namespace: str) -> None:
+    assert policy_xml(trees, HOSTS, namespace) == policy_xml(trees, HOSTS, "/robot1")
+
+
+@pytest.mark.parametrize("host", ["marketplace", "operate", "a/b", "a b", ""])
+def test_unusable_name_of_host_is_refused(trees: Trees, host: str) -> None:
+    with pytest.raises(BtAgentsError):
+        policy_xml(trees, (host,))
+
+
+def test_the_command_names_what_is_missing(tmp_path: Path) -> None:
+    folder = shutil.copytree(ROOT / "trees", tmp_path / "trees")
+    (folder / "agents" / "broken.yaml").write_text("agent: [")
+    run = CliRunner().invoke(security, [str(folder), "-o", str(tmp_path / "policy.xml")])
+    assert run.exit_code == 0
+    assert "broken.yaml:1" in run.output
 
 
 def test_the_command_writes_the_policy(tmp_path: Path) -> None:

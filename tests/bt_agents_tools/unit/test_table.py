@@ -19,8 +19,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
+from rich.console import Console
 
 from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableParameter, parameters_of
+from bt_agents_tools.cli.formatting import print_line
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_lines
 from bt_agents_tools.cli.tune_table import table
 from bt_agents_tools.client.write_back import ParameterState
@@ -90,6 +92,12 @@ def test_table_fits_terminal_regardless_of_columns_variable(
 
 def test_control_characters_are_escaped() -> None:
     assert list(table_lines([Column(key="a")], [("x\n\x1b[2J",)], None))[1] == r"x\n\x1b[2J"
+
+
+def test_further_lines_of_text_are_indented() -> None:
+    file = io.StringIO()
+    print_line(Console(file=file), "host  ", "on body\nhost  /forged")
+    assert file.getvalue() == "host  on body\n      host  /forged\n"
 
 
 def test_programs_receive_unformatted_values(capsys: pytest.CaptureFixture[str]) -> None:

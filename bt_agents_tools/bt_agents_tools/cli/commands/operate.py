@@ -147,5 +147,5 @@ def _scene(
         hint = did_you_mean(unknown, names) or "no node says which there are"
         raise BtAgentsError(f"no scene parameter '{unknown}'; {hint}")
     return market.scene_of(
-        observer, names, dict(values), scene_id=scene_id, last=last, person=person, label=label
+        observer.node, names, dict(values), last, scene_id=scene_id, person=person, label=label
     )

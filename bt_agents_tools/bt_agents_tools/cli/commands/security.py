@@ -27,6 +27,8 @@ def security(directory: str, output: Path, hosts: Sequence[str], namespace: str)
     trees = take_trees(directory)
     with loading():
         from bt_agents_ros.installed import InstalledInterfaces
-    text = policy_xml(read_trees(trees, InstalledInterfaces()), hosts, namespace)
-    output.write_text(text, encoding="utf-8")
+    folder = read_trees(trees, InstalledInterfaces())
+    if folder.broken:
+        click.echo(f"left out, so that their skills have no rights:\n{folder.report}", err=True)
+    output.write_text(policy_xml(folder, hosts, namespace), encoding="utf-8")
     click.echo(str(output))
