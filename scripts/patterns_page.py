@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from bt_agents_language.files.folder_reader import read_trees, yaml_files
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.model.specs import SubtreeSpec
-from bt_agents_language.tools.templates.agent_copies import (
+from bt_agents_language.tools.templates.first_files import (
     pattern_file,
     pattern_names,
     tests_beside,

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from unicodedata import category, normalize
@@ -115,3 +116,33 @@ def format_number(value: float, digits: int = 6) -> str:
 def format_known(value: float) -> str:
     """Return a value of a scene or profile with :data:`DIGITS` digits, a dash for NaN."""
     return "–" if math.isnan(value) else f"{value:.{DIGITS}g}"
+
+
+_REFERENCE = re.compile(r'wait \$\{.*|\S+ (?P<text>".*\$\{.*")', re.DOTALL)
+"""Name of a node that is named by a reference: ``wait ${patience}``, ``say "${words}"``."""
+
+
+def filled_name(name: str, message: str) -> str:
+    """Return a name whose reference is replaced by the message of the node: ``wait 8 s``.
+
+    The message of a node that is named by a reference gives its current value; without a message,
+    the name stays as the author wrote it.
+    """
+    reference = _REFERENCE.fullmatch(name)
+    if reference is None or not message:
+        return name
+    quotes = '"' if reference["text"] else ""
+    return f"{name.partition(' ')[0]} {quotes}{message}{quotes}"
+
+
+def counted_answer(text: str, choices: Sequence[str]) -> str:
+    """Return an answer spelled like its choice, or as given if there are no choices.
+
+    Case, surrounding blanks and the encoding of accents do not matter. An answer that matches no
+    choice counts as no answer: the empty text.
+    """
+    answer = text.strip()
+    if not choices:
+        return answer
+    same = (choice for choice in choices if folded(choice.strip()) == folded(answer))
+    return next(same, "") if answer else ""

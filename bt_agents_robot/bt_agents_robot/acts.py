@@ -7,10 +7,9 @@ import math
 from collections.abc import Sequence
 from enum import IntEnum
 
-from bt_agents_core.choices import counted_answer
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
-from bt_agents_core.text import folded
+from bt_agents_core.text import counted_answer, folded
 from bt_agents_robot.speech import Process, Voice, check_rate, check_text, speaking_time
 
 CLIP_S = 5.0

@@ -35,10 +35,9 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_interfaces.srv import SetLight
 from bt_agents_robot.acts import Act, Ask, Drive, Say, Show
-from bt_agents_robot.host_watch import HostWatch
 from bt_agents_robot.run_fence import RunFence
-from bt_agents_robot.screen_watch import ScreenWatch
 from bt_agents_robot.speech import Voice, check_text
+from bt_agents_robot.watches import HostWatch, ScreenWatch
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.goal_cancellation import open_goals_from_msg

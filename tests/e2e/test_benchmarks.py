@@ -5,9 +5,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,10 +12,9 @@ import pytest
 
 from bench import BENCHMARKS
 from browser import installed_browser
+from programs import output_of
 
-ROOT = Path(__file__).parents[2]
 HANG_S = 300.0
-END_S = 30.0
 
 
 # tests/faults/test_floods.py runs the floods.
@@ -29,24 +25,7 @@ def test_benchmark_runs(name: str, tmp_path: Path) -> None:
         installed_browser()
     file = tmp_path / "figures.json"
     command = [sys.executable, "benchmarks/bench.py", name, "--short", "--json", str(file)]
-    with subprocess.Popen(
-        command,
-        cwd=ROOT,
-        env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    ) as bench:
-        try:
-            said, _ = bench.communicate(timeout=HANG_S)
-        except subprocess.TimeoutExpired:
-            # It ends the processes that it has started; a kill would leave them behind.
-            bench.send_signal(signal.SIGINT)
-            said, _ = bench.communicate(timeout=END_S)
-            pytest.fail(f"still running after {HANG_S} s; its output:\n{said}")
-        finally:
-            bench.kill()
-    assert bench.returncode == 0, said
+    output_of(command, HANG_S, XDG_STATE_HOME=str(tmp_path / "state"))
     [rows] = [kept["rows"] for kept in json.loads(file.read_text()).values()]
     assert rows
     for row in rows:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -40,12 +41,8 @@ class Launched(Component):
 
 @pytest.fixture
 def system(tmp_path: Path) -> Iterator[System]:
-    with fresh_graph() as ros:
-        processes = System(ros, tmp_path)
-        try:
-            yield processes
-        finally:
-            processes.close()
+    with fresh_graph() as ros, closing(System(ros, tmp_path)) as processes:
+        yield processes
 
 
 def start_together(system: System, trees: Path, *ros_arguments: str) -> NodeProcess:

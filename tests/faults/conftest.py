@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -37,12 +38,8 @@ def tmp_path() -> Iterator[Path]:
 @pytest.fixture
 def system(tmp_path: Path) -> Iterator[System]:
     """Processes around a probe, in a ROS context of this test."""
-    with fresh_graph() as ros:
-        processes = System(ros, tmp_path)
-        try:
-            yield processes
-        finally:
-            processes.close()
+    with fresh_graph() as ros, closing(System(ros, tmp_path)) as processes:
+        yield processes
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -160,6 +160,31 @@ def wait_for(is_so: Callable[[], object]) -> None:
     while not is_so():
         assert time.monotonic() < end
         time.sleep(0.05)
+
+
+def output_of(command: Sequence[str], limit_s: float, **environment: str) -> str:
+    """Return the output of a program, which must end in time, and well.
+
+    One that takes too long is interrupted, so that it ends the processes that it has started.
+    """
+    with subprocess.Popen(
+        command,
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        try:
+            said, _ = process.communicate(timeout=limit_s)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGINT)
+            said, _ = process.communicate(timeout=HANG_S)
+            pytest.fail(f"still running after {limit_s} s; its output:\n{said}")
+        finally:
+            process.kill()
+    assert process.returncode == 0, said
+    return said
 
 
 def printed_by(program: str) -> list[str]:

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
+
+from programs import HANG_S, output_of
 
 CREATE_NODE = """
 import sys, rclpy
@@ -16,10 +17,7 @@ rclpy.shutdown()
 
 
 def run(code: str) -> str:
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
-    )
-    return done.stdout.strip()
+    return output_of([sys.executable, "-c", code], HANG_S).strip()
 
 
 def test_spinner_loads_no_generator() -> None:

@@ -28,10 +28,9 @@ from bt_agents.engine.ticker import OnVisit, Tick, Ticker
 from bt_agents.engine.value_trace import as_written
 from bt_agents_core.field_types import Plain
 from bt_agents_core.gc_pause import gc_paused
-from bt_agents_core.node_name import filled_name
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from bt_agents_core.stop_cause import Cancellation
-from bt_agents_core.text import excerpt
+from bt_agents_core.text import excerpt, filled_name
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 

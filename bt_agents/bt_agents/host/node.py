@@ -15,7 +15,7 @@ from rclpy.node import Node
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.control_service import ControlService
 from bt_agents.host.detail_publisher import DetailPublisher
-from bt_agents.host.earlier_goals import EarlierGoals
+from bt_agents.host.environment.open_goal_list import EarlierGoals
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Index of a journal: rounds and profile changes."""
+"""Index of a journal: rounds, the rules that ranked them, and profile changes."""
 
 from __future__ import annotations
 
@@ -13,17 +13,62 @@ from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.scene import SceneSpace, scene_name
 from bt_agents_core.stop_cause import StopCause
 from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
-from bt_agents_lab.replay.market_rules import Rules, rules_of_market
-from bt_agents_language.files.market_reader import MARKET_FILE
+from bt_agents_language.files.market_reader import MARKET_FILE, MarketRule, read_market
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.yaml.source import Source
 from marketplace_node.outcomes import RunEventKind, RunOutcome
+from marketplace_node.round.precedence import apply_rules
+from marketplace_node.settings import RULES
+
+Rules = tuple[MarketRule, ...]
 
 _TYPES = "bt_agents_interfaces/msg/"
 _SCENE = "scene.yaml"
 
 NO_TEXTS = "there is no scene.yaml, as no host has sent its texts before"
 """Why a round with an unknown ``space`` cannot be decided again."""
+
+
+def rules_of_market(
+    auctions: Sequence[Any], texts: Iterable[str], space: SceneSpace
+) -> tuple[Rules, ...]:
+    """Return the rules that agree with all rounds of one start of a market, at least one.
+
+    A market reads its rules at its start, and its hosts send their texts at each change: so its
+    rules may differ from the newest text, and a host of another folder may have none. If none
+    agree, the result is the rules of the first text.
+
+    Args:
+        auctions: Rounds of the market.
+        texts: Texts of ``market.yaml``, the most likely one first.
+        space: The scene parameters.
+    """
+    candidates = [*(_rules(text, space) for text in texts), ()]
+    agreeing = [
+        rules for rules in candidates if all(_agree(rules, auction) for auction in auctions)
+    ]
+    return tuple(agreeing) or (candidates[0],)
+
+
+def _rules(text: str, space: SceneSpace) -> Rules:
+    """Return the rules of a text; none if it is invalid, because then no rule counts."""
+    try:
+        return read_market(Source(MARKET_FILE, text), space)
+    except BtAgentsError:
+        return ()
+
+
+def _agree(rules: Rules, auction: Any) -> bool:
+    """Return whether these rules agree with a round that rules ranked or only scored."""
+    bidders = [bid.agent for bid in auction.ranking]
+    if RULES not in (auction.strategy, auction.shadow_strategy) or not bidders:
+        return True
+    values = {value.name: value.value for value in auction.scene.values}
+    rule = apply_rules(rules, values, auction.scene.person, bidders).rule
+    first = [agent for agent in rule.agents if agent in bidders] if rule else []
+    if auction.strategy == RULES:
+        return [bid.agent for bid in auction.ranking if bid.score < 0.0] == first
+    return not first or auction.shadow_winner == first[0]
 
 
 @dataclass(kw_only=True)

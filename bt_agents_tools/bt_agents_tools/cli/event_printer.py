@@ -14,12 +14,11 @@ from rich.markup import escape
 from rich.text import Text
 
 from bt_agents_core.log_budget import LogBudget
-from bt_agents_core.node_name import filled_name
 from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_core.stop_cause import StopCause, StoppedBy, stopper
-from bt_agents_core.text import ellipsize, format_known, join_first
+from bt_agents_core.text import ellipsize, filled_name, format_known, join_first
 from bt_agents_tools.cli.formatting import (
     KINDS,
     OUTCOMES,

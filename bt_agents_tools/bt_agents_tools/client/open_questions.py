@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from bt_agents_core.choices import counted_answer
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.text import counted_answer
 
 
 def asked_by(questions: Sequence[Any], words: str) -> tuple[Any, str]:

@@ -11,8 +11,8 @@ from typing import Protocol
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scope import MessageNames, explain_false
 from bt_agents.engine.scripted_environment import ScriptedReply
-from bt_agents_core.choices import counted_answer
 from bt_agents_core.field_types import Plain
+from bt_agents_core.text import counted_answer
 from bt_agents_language.expression.expression_values import Undecided
 from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.files.testing import default_answers

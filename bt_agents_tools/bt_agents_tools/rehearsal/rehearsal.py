@@ -6,7 +6,8 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from random import Random
@@ -15,10 +16,11 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents.engine.environment import SkillGoal
+from bt_agents.engine.context import RunContext
+from bt_agents.engine.environment import Environment, SkillGoal
 from bt_agents.engine.node_errors import LocatedReason
 from bt_agents.engine.run import Run, RunResult, StatusChange, TreeOutcome
-from bt_agents.engine.scope import format_value
+from bt_agents.engine.scope import RunScope, format_value
 from bt_agents.host.agent_registry import decline_of
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import FieldType, Plain
@@ -27,8 +29,13 @@ from bt_agents_core.local_time import next_hour_s
 from bt_agents_core.person_facts import Fact, from_message_fields
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.stop_cause import Cancellation, StopCause, StoppedBy, stopper
-from bt_agents_language.files.testing.path_patterns import matches, nodes_of
-from bt_agents_language.files.testing.scenarios import Scenario, ScriptedAnswer, ScriptedEvent
+from bt_agents_language.files.testing.path_patterns import branches_of, matches, nodes_of
+from bt_agents_language.files.testing.scenarios import (
+    Scenario,
+    ScriptedAnswer,
+    ScriptedEvent,
+    VariantRule,
+)
 from bt_agents_language.model.mood_rule import MoodAction
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
@@ -38,7 +45,6 @@ from bt_agents_tools.rehearsal.answers import Answers, AnswerSource
 from bt_agents_tools.rehearsal.event_order import EventOrder
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use
 from bt_agents_tools.rehearsal.instrument import replaced, with_open_bindings, with_replacements
-from bt_agents_tools.rehearsal.rehearsal_context import RehearsalContext
 from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalEnvironment
 from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLiveScene, awarded, change_text
 from bt_agents_tools.rehearsal.tick_analysis import add_marks, at_rest, limit_of, running_leaves
@@ -419,3 +425,41 @@ class _Rehearsal:
 def _named(values: Mapping[str, Plain]) -> str:
     parts = [f"{name} {format_value(one, FieldType.ANY)}" for name, one in values.items()]
     return ", ".join(parts)
+
+
+class RehearsalContext(RunContext):
+    """Context with scripted picks and variants, used in turn; the last one repeats."""
+
+    def __init__(
+        self,
+        environment: Environment,
+        scope: RunScope,
+        random: Random,
+        *,
+        picks: Sequence[str] = (),
+        variants: Sequence[VariantRule] = (),
+    ) -> None:
+        super().__init__(environment, scope, random)
+        self._picks = picks
+        self._variants = variants
+        self._turns: defaultdict[Hashable, int] = defaultdict(int)
+
+    def pick(self, path: str, count: int, last: int | None) -> int:
+        for at, rule in enumerate(self._variants):
+            if matches(rule.pattern, path):
+                return self._in_turn(at, rule.numbers)
+        return super().pick(path, count, last)
+
+    def picked_child(self, spec: NodeSpec) -> int | None:
+        branches = branches_of(spec)
+        fitting = [
+            [place for place, path in enumerate(branches) if matches(one, path)]
+            for one in self._picks
+        ]
+        places = [found[0] for found in fitting if found]
+        return self._in_turn(spec.path, places) if places else None
+
+    def _in_turn(self, whose: Hashable, numbers: Sequence[int]) -> int:
+        turn = min(self._turns[whose], len(numbers) - 1)
+        self._turns[whose] += 1
+        return numbers[turn]

@@ -6,8 +6,12 @@ from __future__ import annotations
 import pytest
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.host.environment.graph_problems import FORGOTTEN_S, GraphProblems
-from bt_agents.host.environment.silent_servers import MOST_SERVERS, SilentServers
+from bt_agents.host.environment.graph_problems import (
+    FORGOTTEN_S,
+    MOST_SERVERS,
+    GraphProblems,
+    SilentServers,
+)
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents_core.health import Health
 

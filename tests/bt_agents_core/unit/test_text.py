@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from bt_agents_core.text import (
     EXCERPT,
+    counted_answer,
     ellipsize,
     excerpt,
     format_known,
@@ -111,3 +112,21 @@ def test_printable_is_idempotent_and_yields_one_line(text):
     assert {one for one in shown if category(one)[0] == "C"} <= {"\u200c", "\u200d"}
     if text.isprintable():
         assert shown == text
+
+
+@pytest.mark.parametrize(
+    ("said", "taken"), [("yes", "Yes"), (" NO", " No "), ("maybe", ""), ("", ""), (" ", "")]
+)
+def test_answer_matches_choices_case_insensitively(said: str, taken: str) -> None:
+    assert counted_answer(said, ("Yes", " No ")) == taken
+
+
+def test_any_answer_counts_without_choices() -> None:
+    assert counted_answer(" Gate 12 ", ()) == "Gate 12"
+    assert counted_answer("  ", ()) == ""
+
+
+def test_composed_and_decomposed_accents_match():
+    composed, decomposed = "Caf\u00e9", "cafe\u0301"
+    assert counted_answer(decomposed, ("bar", composed)) == composed
+    assert counted_answer(composed, ("bar", decomposed)) == decomposed

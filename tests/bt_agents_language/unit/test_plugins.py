@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import textwrap
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
+from programs import HANG_S, ROOT, output_of
+
 CODE = '''
 """Nodes of somebody else."""
 
@@ -74,16 +74,8 @@ def add_entries(package: Path, lines: str) -> None:
 def run(package: Path, script: str) -> str:
     """Run a script in a separate Python with the package; return its output."""
     path = os.pathsep.join([str(package), str(ROOT / "tests" / "harness")])
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(script)],
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    command = [sys.executable, "-c", textwrap.dedent(script)]
+    return output_of(command, HANG_S, PYTHONPATH=path)
 
 
 READ = """

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from bt_agents_language.tools.templates.agent_copies import pattern_names, renamed
+from bt_agents_language.tools.templates.first_files import pattern_names, renamed
 from bt_agents_tools.cli.main import bt_agents
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import subprocess
 import sys
 import textwrap
 from collections.abc import Mapping
@@ -24,9 +23,9 @@ from marketplace_node.round.decision import Ranked
 from marketplace_node.round.ranking import decide
 from marketplace_node.strategies import STRATEGIES, Option, Score, StrategySpec, manhattan
 from marketplace_node.strategies.plugins import GROUP, read_plugins
+from programs import HANG_S, ROOT, output_of
 from ranked_rounds import bids, decided, terms
 
-ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "market.md").read_text(encoding="utf-8")
 CODE, ENTRY = re.search(r"```python\n(.+?)```.*?```toml\n(.+?)```", PAGE, re.DOTALL).groups()
 BROKEN = """
@@ -52,7 +51,8 @@ def test_documented_strategy_ranks_despite_broken_plugins(package: Path) -> None
         from market_harness import SPACE, scene
         from marketplace_node.round.ranking import decide
         from marketplace_node.strategies import STRATEGIES, add_installed
-        from ranked_rounds import bids, terms
+        from programs import HANG_S, ROOT, output_of
+from ranked_rounds import bids, terms
 
         for problem in add_installed():
             print(problem)
@@ -61,17 +61,8 @@ def test_documented_strategy_ranks_despite_broken_plugins(package: Path) -> None
         print([(bid.agent, bid.score) for bid in found.bids], found.fallback or "-")
     """
     path = os.pathsep.join([str(package), str(ROOT / "tests" / "harness")])
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(script)],
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == [
+    command = [sys.executable, "-c", textwrap.dedent(script)]
+    assert output_of(command, HANG_S, PYTHONPATH=path).splitlines() == [
         "strategy 'broken' of theirs (their_strategies:nothing) cannot be loaded: "
         "AttributeError: module 'their_strategies' has no attribute 'nothing'",
         "strategy 'manhattan' of theirs (their_strategies:SPEC): there is a strategy of this name "

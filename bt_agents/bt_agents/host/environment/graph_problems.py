@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence, Set
 
+from bt_agents.engine.environment import GoalState
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.ros_names import other_types
 
@@ -92,3 +93,27 @@ def topic_problem(topic: str, expected: str, published: Collection[str], *, kept
     if kept and not published:
         return f"the last message of {topic} counts, though nothing publishes it any more"
     return ""
+
+
+MOST_SERVERS = 200
+
+_ANSWERS = (GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.REJECTED)
+
+
+class SilentServers:
+    """Servers whose last goal was unreachable, until they answer one.
+
+    Attributes:
+        reasons: Name of the action or service → the reason that its leaf gives.
+    """
+
+    def __init__(self) -> None:
+        self.reasons: Mapping[str, str] = {}
+
+    def ended(self, server: str, state: GoalState, message: str) -> None:
+        """Handle the end of a goal; a cancel or a timeout says nothing about its server."""
+        others = {name: reason for name, reason in self.reasons.items() if name != server}
+        if state is GoalState.UNREACHABLE and len(others) < MOST_SERVERS:
+            self.reasons = {**others, server: message}
+        elif state in _ANSWERS:
+            self.reasons = others

@@ -25,10 +25,9 @@ from bt_agents.host.environment.goal import (
     RosRequest,
     Servers,
 )
-from bt_agents.host.environment.graph_problems import GraphProblems, topic_problem
+from bt_agents.host.environment.graph_problems import GraphProblems, SilentServers, topic_problem
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.plugin_node import PluginGoal, RosPluginNode
-from bt_agents.host.environment.silent_servers import SilentServers
 from bt_agents.host.environment.subscriptions import Heartbeats, LatchedTopic, open_inbox
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind

@@ -20,7 +20,6 @@ from bt_agents_language.files.testing.scenarios import Scenario
 from bt_agents_language.files.texts_reader import FolderTexts
 from bt_agents_language.reference.node_pages import node_page
 from bt_agents_language.tools.schema.folder import folder_symbols
-from bt_agents_language.tools.templates.agent_copies import pattern_file, renamed, tests_beside
 from bt_agents_language.tools.templates.first_files import (
     new_agent,
     new_experiment,
@@ -30,6 +29,9 @@ from bt_agents_language.tools.templates.first_files import (
     new_skill,
     new_sweep,
     new_test,
+    pattern_file,
+    renamed,
+    tests_beside,
 )
 from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_language.yaml.typed_reader import MAX_NAME
