@@ -26,7 +26,7 @@ FLOOD = 20
 
 ELSEWHERE = {
     # Around a file, not in it.
-    "duplicate-agent", "no-agents", "no-texts",
+    "duplicate-agent", "duplicate-preset", "no-agents", "no-texts",
     # Known only with ROS.
     "unknown-ros-type", "unknown-ros-field",
     # A fault of the reader itself.

@@ -51,8 +51,7 @@ def test_documented_strategy_ranks_despite_broken_plugins(package: Path) -> None
         from market_harness import SPACE, scene
         from marketplace_node.round.ranking import decide
         from marketplace_node.strategies import STRATEGIES, add_installed
-        from programs import HANG_S, ROOT, output_of
-from ranked_rounds import bids, terms
+        from ranked_rounds import bids, terms
 
         for problem in add_installed():
             print(problem)
