@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from traceback import walk_stack
 from types import FrameType
 from typing import TypeVar
 
@@ -49,20 +50,18 @@ def bounded(call: Callable[[], T], limit_s: float) -> T:
 def _interrupted(call: Callable[[], T], limit_s: float) -> T:
     guarding, rang = True, False
 
-    def ring(_signal: int, _frame: FrameType | None) -> None:
+    def ring(_signal: int, frame: FrameType | None) -> None:
         nonlocal rang
-        if guarding:
+        is_reporting = any(one.f_code is report_others.__code__ for one, _ in walk_stack(frame))
+        if guarding and not is_reporting:
             rang = True
             raise Blocked
 
     hook = sys.unraisablehook
 
     def report_others(lost: sys.UnraisableHookArgs) -> None:
-        nonlocal guarding
-        guarding, was_guarding = False, guarding
         if lost.exc_type is not Blocked:
             hook(lost)
-        guarding = was_guarding
 
     began = time.monotonic()
     sys.unraisablehook = report_others
