@@ -38,11 +38,8 @@ def _composite(key: str, *, memory: bool = True) -> Translate:
             return (reactive_fallback if fallback else reactive_sequence)(tree, element)
         children = tuple(tree.node(c, below_fallback=fallback) for c in element.children)
         if all(map(can_be_skipped, children)):
-            tree.note(
-                element,
-                "when all its children are left out, Groot's is left out too; ours has "
-                f"{'failed' if fallback else 'succeeded'}",
-            )
+            ended = "failed" if fallback else "succeeded"
+            tree.note_skip(element, "each of its children", ended)
         return YamlNode(key=key, value={} if memory else {"memory": False}, children=children)
 
     return translate

@@ -104,9 +104,7 @@ def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Calle
             entry = callee.names.original(name)
             tree.note(element, f"'{entry}' is not passed on: '{callee.name}' does not need it")
     if callee.can_be_skipped:
-        tree.note(
-            element, "when the whole tree is left out, ours has succeeded; Groot's is left out"
-        )
+        tree.note_skip(element, "the whole tree", "succeeded")
     siblings: dict[str, Data] = {"with": arguments, "outputs": outputs}
     given = {key: value for key, value in siblings.items() if value}
     return YamlNode(key="subtree", value=Raw(callee.name), siblings=given)

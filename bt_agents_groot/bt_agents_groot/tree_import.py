@@ -86,8 +86,12 @@ class TreeImport:
         """Return a node that has ``ended`` so when it is left out; remark if it can be."""
         node = self.node(element)
         if can_be_skipped(node):
-            self.note(element, f"when it is left out, ours has {ended}; Groot's is left out")
+            self.note_skip(element, "it", ended)
         return node
+
+    def note_skip(self, element: Element, what: str, ended: str) -> None:
+        """Remark that a skip of ``what`` ends our node, but not that of BehaviorTree.CPP."""
+        self.note(element, f"when {what} is left out, ours has {ended}; Groot's is left out")
 
     def decorate(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
         """Return a node with a decorator around it; remark on differences if it can be skipped."""
@@ -218,8 +222,7 @@ class TreeImport:
             rest = {key: value for key, value in node.decorators.items() if key != WHEN.key}
             node = replace(node, decorators=rest)
         if decides_earlier and can_be_skipped(node):
-            ended = "failed" if SUCCESS_IF in guards else "succeeded"
-            self.note(element, f"when it is left out, ours has {ended}; Groot's is left out")
+            self.note_skip(element, "it", "failed" if SUCCESS_IF in guards else "succeeded")
         if WHILE in guards:
             node = self.decorate(element, node, "while", self.text(guards[WHILE]))
             if not below_fallback:

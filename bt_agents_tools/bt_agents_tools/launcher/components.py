@@ -161,7 +161,8 @@ def studio(trees: Path, state: Path, journal: Path, listening: int) -> Component
 def fleet(trees: Path, state: Path, ledger: str, pipe: int) -> Component:
     """Return the process that learns with other robots; the system can run without it.
 
-    It writes a line to the descriptor ``pipe`` at each change of its state.
+    It is a client, like the command, and writes a line to the descriptor ``pipe`` at each change
+    of its state.
     """
     return Component(
         name="fleet",
@@ -169,6 +170,7 @@ def fleet(trees: Path, state: Path, ledger: str, pipe: int) -> Component:
         arguments=(str(trees), str(state), ledger, str(pipe)),
         descriptors=(pipe,),
         needed=False,
+        keeps_enclave=True,
     )
 
 
@@ -196,4 +198,5 @@ def one_process(parts: Sequence[Component]) -> Component:
             for name, value in part.parameters.items()
         },
         stops_first=True,
+        keeps_enclave=True,
     )

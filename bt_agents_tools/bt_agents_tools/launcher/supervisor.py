@@ -74,6 +74,7 @@ class Component:
         descriptors: Open files of this process that it inherits under the same numbers.
         environment: Variables that only this process gets, such as a key.
         parts: Nodes that share the process, with their modules; empty for one node of its name.
+        keeps_enclave: Whether it has the security enclave of the command, and not one of its name.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Component:
     descriptors: tuple[int, ...] = ()
     environment: Mapping[str, str] = field(default_factory=dict, repr=False)
     parts: Mapping[str, str] = field(default_factory=dict)
+    keeps_enclave: bool = False
 
     @property
     def modules(self) -> tuple[str, ...]:
@@ -535,9 +537,8 @@ def spawn(
         "PYTHONUNBUFFERED": "1",
     }
     of_command = environment.get(ENCLAVE, "")
-    if of_command and not component.parts and component.name != "fleet":
-        # ROS prefers it to any argument, and nodes may do what the command may not; the process
-        # of the fleet is a client like the command.
+    if of_command and not component.keeps_enclave:
+        # ROS prefers it to any argument, and nodes may do what the command may not.
         environment[ENCLAVE] = f"{of_command.rpartition('/')[0]}/{component.name}"
     try:
         with log.open(start) as file:

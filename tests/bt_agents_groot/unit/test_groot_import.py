@@ -160,7 +160,7 @@ def test_node_becomes_its_equivalent(inner, expected):
         (xml("NonblockingSequence", S, S), "do not run again"),
         (xml("RateController hz='2'", S), "every time that it is reached"),
         ("<Repeat num_cycles='2'><Sleep msec='1' _skipIf='hot'/></Repeat>", "left out"),
-        ("<Sequence><Sleep msec='1' _skipIf='hot'/></Sequence>", "all its children are left out"),
+        ("<Sequence><Sleep msec='1' _skipIf='hot'/></Sequence>", "each of its children is left"),
         (f"<IfThenElse>{HOT}<Sleep msec='1' _skipIf='hot'/></IfThenElse>", "Groot's is left out"),
         (f"<IfThenElse>{S}<Sleep msec='1' _skipIf='hot'/></IfThenElse>", "Groot's is left out"),
         ("<Delay delay_msec='1'><Sleep msec='1' _skipIf='hot'/></Delay>", "Groot's is left out"),

@@ -329,15 +329,15 @@ def test_only_its_process_gets_secret(watched: Watched, monkeypatch: pytest.Monk
         assert "s3cret" not in elsewhere
 
 
-@pytest.mark.parametrize(("name", "role"), [("agents", "agents"), ("fleet", "author")])
+@pytest.mark.parametrize(("keeps", "role"), [(False, "agents"), (True, "author")])
 def test_each_node_has_its_own_enclave(
-    watched: Watched, monkeypatch: pytest.MonkeyPatch, name: str, role: str
+    watched: Watched, monkeypatch: pytest.MonkeyPatch, keeps: bool, role: str
 ) -> None:
     monkeypatch.setenv("ROS_SECURITY_ENCLAVE_OVERRIDE", "/bt_agents/author")
     shown = UP_FOR_EVER.replace('"pid"', 'os.environ["ROS_SECURITY_ENCLAVE_OVERRIDE"], "pid"')
-    watched.start(watched.write(name, shown))
-    watched.up(name)
-    assert watched.said(name).split()[-3] == f"/bt_agents/{role}"
+    watched.start(replace(watched.write("agents", shown), keeps_enclave=keeps))
+    watched.up("agents")
+    assert watched.said("agents").split()[-3] == f"/bt_agents/{role}"
 
 
 def test_end_of_non_restarting_component_is_an_error(watched: Watched) -> None:

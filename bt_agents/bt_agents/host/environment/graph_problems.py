@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Problems on the ROS graph that can keep a skill from working as intended."""
+"""Problems on the ROS graph that can keep a skill from working, and servers out of reach."""
 
 from __future__ import annotations
 
@@ -12,8 +12,12 @@ from bt_agents_core.ros_names import other_types
 
 MOST_PROBLEMS = 200
 
+MOST_SERVERS = 200
+
 FORGOTTEN_S = 25.0
 """Time after which the graph has certainly dropped a killed process [s]."""
+
+_ANSWERS = (GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.REJECTED)
 
 
 class GraphProblems:
@@ -93,11 +97,6 @@ def topic_problem(topic: str, expected: str, published: Collection[str], *, kept
     if kept and not published:
         return f"the last message of {topic} counts, though nothing publishes it any more"
     return ""
-
-
-MOST_SERVERS = 200
-
-_ANSWERS = (GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.REJECTED)
 
 
 class SilentServers:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Open goals of this host: published and stored before each is sent and after each has ended."""
+"""Open goals of this host, published and stored, and the cancellation of those it left open."""
 
 from __future__ import annotations
 

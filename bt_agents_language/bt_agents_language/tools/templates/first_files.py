@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Templates of an author's first files: commented, without errors, and ready to be changed."""
+"""Templates of an author's first files, and patterns: free of errors, ready to be changed."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_language.model.specs import SkillSpec
+
+_TEST = ".test.yaml"
+_FOLDER = Path(str(files("bt_agents_language"))) / "tools" / "templates" / "patterns"
 
 
 class _Template(Template):
@@ -190,10 +193,6 @@ def _number(value: float) -> str:
     """Return a number without an exponent, exact enough to stay in its range."""
     text = f"{value:.12f}".rstrip("0").rstrip(".")
     return "0" if text in ("-0", "") else text
-
-
-_TEST = ".test.yaml"
-_FOLDER = Path(str(files("bt_agents_language"))) / "tools" / "templates" / "patterns"
 
 
 def pattern_names() -> tuple[str, ...]:
