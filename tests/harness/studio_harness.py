@@ -18,6 +18,7 @@ from types import SimpleNamespace
 from typing import Any, TypeVar
 
 from aiohttp import ClientSession, CookieJar
+from rclpy.parameter import Parameter
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_studio.access import AccessControl, SessionRole, cookie_name
@@ -64,7 +65,7 @@ class RecordingCaller:
     def call(self, service: str, fields: Mapping[str, Any], limit_s: float) -> Future[Any]:
         if service in ("marketplace/describe_parameters", "marketplace/get_parameters"):
             found = [self.parameters[one] for one in fields["names"] if one in self.parameters]
-            values = [_parameter_value(value) for _, value in found]
+            values = [Parameter("", value=value).get_parameter_value() for _, value in found]
             return _done(SimpleNamespace(descriptors=[one for one, _ in found], values=values))
         self.calls.append((service, dict(fields)))
         return _done(self.answered)
@@ -93,13 +94,6 @@ class RecordingCaller:
 
     def tuned(self) -> Future[Any]:
         return _done(self.hosts)
-
-
-def _parameter_value(value: str | float) -> Any:
-    """Return a value with the fields of a ``ParameterValue``."""
-    if isinstance(value, str):
-        return SimpleNamespace(type=4, string_value=value)
-    return SimpleNamespace(type=3, double_value=value)
 
 
 def _done(value: Any) -> Future[Any]:

@@ -132,7 +132,7 @@ class RunScope:
             name,
             self.scene,
             self.live,
-            self._mood_change,
+            lambda live: mood_of(live, self.space) - self.mood_start.value,
             self._own_value,
             self.clock,
             lambda member: self.live().of_person(member),
@@ -149,9 +149,6 @@ class RunScope:
             case "run.urgency":
                 return int(self.scene.urgent)
         raise MissingValue(name)
-
-    def _mood_change(self, live: Scene) -> float:
-        return mood_of(live, self.space) - self.mood_start.value
 
     def _own_value(self, parameter: str) -> float:
         names = self.space.profiles.names

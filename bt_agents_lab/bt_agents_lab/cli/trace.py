@@ -42,7 +42,8 @@ def trace(round_number: int | None, state: str, journal: Path | None, form: Tabl
     reader = JournalReader(files, os.environ.get("ROS_NAMESPACE", ""))
     with damage_reported():
         entries = reader.entries({_TYPE})
-        runs = [_run_of(entry.decode()) for entry in entries]
+        sent = (entry.decode() for entry in entries)
+        runs = [_Run(one.host_instance, one.epoch, one.round, one.agent) for one in sent]
         problems = [*reader.hints, *reader.problems]
         if lost := sum(entry.lost for entry in entries):
             problems.append(f"{lost} messages about trees are lost")
@@ -71,10 +72,6 @@ class _Run(NamedTuple):
     epoch: str
     round: int
     agent: str
-
-
-def _run_of(status: Any) -> _Run:
-    return _Run(status.host_instance, status.epoch, status.round, status.agent)
 
 
 def _row(status: Any, change: Any, form: TableForm) -> Sequence[Any]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -23,7 +24,7 @@ COMPRESSED = ".mcap.zstd"
 
 _ENDINGS = (".mcap", COMPRESSED)
 _SQLITE = (".db3", ".db3.zstd")
-_MOST_DIGITS = 18
+_COUNT = re.compile("[0-9]{1,18}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +98,7 @@ def _named(folder: Path) -> RecordedFiles:
     number = _text(about, "message_count")
     return RecordedFiles(
         paths=tuple(path for path in paths if path.is_file()),
-        messages=int(number) if _is_count(number) else None,
+        messages=int(number) if _COUNT.fullmatch(number) else None,
         problems=_problems(folder, missing, bool(paths), storage),
     )
 
@@ -123,10 +124,6 @@ def _problems(
         f"the bag {folder} lacks {join_first(map(quote, missing))}, which its metadata names; "
         "copy the whole folder",
     )
-
-
-def _is_count(text: str) -> bool:
-    return text.isascii() and text.isdigit() and len(text) <= _MOST_DIGITS
 
 
 def _text(node: Node | None, key: str) -> str:

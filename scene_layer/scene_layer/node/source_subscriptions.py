@@ -163,11 +163,9 @@ class SourceSubscriptions:
 
     def _check(self, type_name: str, position: object, paths: Iterable[str]) -> None:
         load_type(type_name, BindingKind.TOPIC)
+        installed = InstalledInterfaces()
         for path in paths:
-            problem = InstalledInterfaces().field_problem(
-                BindingKind.TOPIC, type_name, "message", path
-            )
-            if problem:
+            if problem := installed.field_problem(BindingKind.TOPIC, type_name, "message", path):
                 raise Refused(RefusalCode.UNKNOWN_FIELD, f"{position}: {type_name}: {problem}")
 
     # Readings

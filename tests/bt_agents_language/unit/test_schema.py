@@ -74,11 +74,6 @@ def problems(kind: str, text: str) -> list[str]:
     return [error.message for error in VALIDATORS[kind].iter_errors(loaded(text))]
 
 
-def in_tree(node: str) -> list[str]:
-    lines = "".join(f"  {line}\n" for line in node.splitlines())
-    return problems("agent", f"{HEAD}tree:\n{lines}")
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_schema_is_valid_json_schema(kind):
     Draft7Validator.check_schema(json.loads(schema_text(KINDS[kind], SYMBOLS)))
@@ -145,7 +140,8 @@ def test_schema_describes_every_key(kind):
     ],
 )
 def test_schema_rejects_errors_in_trees(node):
-    assert in_tree(node)
+    lines = "".join(f"  {line}\n" for line in node.splitlines())
+    assert problems("agent", f"{HEAD}tree:\n{lines}")
 
 
 def test_schema_checks_profile_against_scene():

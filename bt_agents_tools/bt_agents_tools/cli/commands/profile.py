@@ -83,7 +83,7 @@ def show(agent: str, form: TableForm, state: str) -> None:
         *(Column(key=name, text=format_known, right=True) for name in names),
         Column(key="revision", right=True),
         Column(key="feedbacks", right=True),
-        Column(key="changed", text=_day_and_time),
+        Column(key="changed", text=moment_text),
         Column(key="seem_wrong", title="seem wrong", text="{:.0%}".format, right=True),
     )
     rows = []
@@ -318,10 +318,6 @@ def _age(text: str) -> float:
         return quantity(text, FieldType.DURATION)
     except QuantityError as error:
         raise Refused(RefusalCode.BAD_AGE, f"{option}: {error}; for example 90d or 12 h") from None
-
-
-def _day_and_time(stamp: float) -> str:
-    return time.strftime("%m-%d %H:%M", time.localtime(stamp))
 
 
 def _cause(one: Mapping[str, Any]) -> str:
