@@ -79,6 +79,7 @@ class MarketRecord:
     host: str
     waiting: tuple[str, ...]
     awaited_hosts: tuple[str, ...]
+    refused_hosts: tuple[str, ...]
     hosts: int
     agents: int
     strategy: str

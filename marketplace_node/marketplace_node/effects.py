@@ -161,6 +161,7 @@ class StatusChanged(Effect):
     queued: int
     waiting: tuple[str, ...]
     awaited_hosts: tuple[str, ...]
+    refused_hosts: tuple[str, ...]
     hosts: int
     agents: int
     strategy: str
@@ -168,7 +169,7 @@ class StatusChanged(Effect):
     pinned: str
     vetoed: tuple[str, ...]
     starved: tuple[str, ...]
-    undecided: tuple[UndecidedRule, ...]
+    problems: tuple[UndecidedRule, ...]
     message: str
 
 

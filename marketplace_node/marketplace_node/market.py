@@ -541,6 +541,7 @@ class Market:
             queued=len(self._admission),
             waiting=self._admission.labels,
             awaited_hosts=tuple(awaited or ()),
+            refused_hosts=self._hosts.registry.refused(now),
             hosts=len(live),
             agents=sum(len(entry.agents) for entry in live),
             strategy=self.settings.strategy,
@@ -548,7 +549,7 @@ class Market:
             pinned=self._market_state.overrides.pinned,
             vetoed=self._market_state.overrides.vetoed,
             starved=self._market_state.starved(),
-            undecided=self._market_state.undecided(),
+            problems=self._market_state.undecided(),
             message=interaction.state_text() if interaction else text,
         )
 

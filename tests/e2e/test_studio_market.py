@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 from bt_agents_interfaces.msg import Auction, RankedBid, Scene, SceneValue
 from bt_agents_studio.access import SessionRole
 from bt_agents_studio.records import StrategyRecord
-from studio_browser import box, opened_page, wait_for
+from studio_browser import box, open_page, opened_page, wait_for
 from studio_entries import market, part
 from studio_harness import BackgroundStudio, background_studio
 
@@ -85,7 +85,8 @@ def studio() -> Iterator[BackgroundStudio]:
     with background_studio() as served:
         served.put("parts", "marketplace", part())
         infos = (StrategyRecord(name="manhattan", description="the nearest", options=()),)
-        served.put("market", "", replace(market(), strategies=infos))
+        refused = ("/b: HOST_EXISTS: it is there",)
+        served.put("market", "", replace(market(), strategies=infos, refused_hosts=refused))
         yield served
 
 
@@ -121,6 +122,12 @@ def drag(page: Page, *parts: float) -> None:
 
 def row(page: Page, agent: str) -> Locator:
     return panel(page).get_by_role("row").filter(has_text=agent)
+
+
+def test_refused_host_is_a_problem(page: Page) -> None:
+    open_page(page, "System")
+    problems = page.get_by_label("Problems", exact=True)
+    expect(problems).to_contain_text("the market refuses /b: HOST_EXISTS: it is there")
 
 
 def test_bids_reorder_while_scene_is_dragged(page: Page) -> None:

@@ -161,16 +161,13 @@ def test_valid_registration_is_accepted_after_hostile_ones(harness: MarketNodeHa
     host = harness.ros.add(FakeHost())
     for changes, code in (
         ({"host": ""}, "BAD_NAME"),
-        ({"run_action": "no such name"}, "BAD_NAME"),
         ({"heartbeat": "/" + "x" * 10_000}, "BAD_NAME"),
-        ({"host_instance": ""}, "EMPTY"),
         ({"parameters": []}, "OTHER_PARAMETERS"),
         ({"heartbeat": "/bt_agents/scene"}, "UNREACHABLE"),
     ):
         answer = harness.ros.call(harness.registering, host.request(**changes))
         assert not answer.accepted
         assert answer.message.startswith(code), answer.message
-        assert list(answer.agent_ids) == [0, 0]
         assert answer.epoch == "epoch"
     answer = harness.ros.call(harness.registering, host.request(agents=["Bad", GUIDE]))
 

@@ -37,6 +37,7 @@ export interface MarketRecord {
   host: string;
   waiting: string[];
   awaited_hosts: string[];
+  refused_hosts: string[];
   hosts: number;
   agents: number;
   strategy: string;

@@ -76,7 +76,13 @@ function Hosts() {
 }
 
 function Problems() {
-  const problems = useCollection("hosts").flatMap(([, host]) => host.problems);
+  const hosts = useCollection("hosts");
+  const market = useEntry("market");
+  const broken = [...hosts.flatMap(([, host]) => host.problems), ...(market?.problems ?? [])];
+  const problems = [
+    ...(market?.refused_hosts ?? []).map((host) => `${words.refuses} ${host}`),
+    ...new Set(broken.map((one) => one.message)),
+  ];
   const failures = useEntry("health", "studio: messages");
   return (
     <section className={shared.panel} aria-label={words.problems}>
@@ -88,8 +94,8 @@ function Problems() {
         </pre>
       )}
       {problems.map((one) => (
-        <pre key={one.message} tabIndex={0}>
-          {one.message}
+        <pre key={one} tabIndex={0}>
+          {one}
         </pre>
       ))}
     </section>

@@ -342,6 +342,7 @@ export const texts = {
     hosts: "Hosts and agents",
     problems: "Problems",
     noProblems: "None.",
+    refuses: "the market refuses",
     version: "version",
     waiting: "a newer version starts after the run",
     degraded: "its file is broken; the last good version runs",

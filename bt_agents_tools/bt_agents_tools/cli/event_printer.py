@@ -68,6 +68,7 @@ class EventPrinter:
         self._names = SceneLabels()
         self._queued = 0
         self._awaited: Sequence[str] = ()
+        self._refused: Sequence[str] = ()
         self._under_way = ""
         self._stopping = False
         self._started = ("", 0)
@@ -104,6 +105,10 @@ class EventPrinter:
         self._line("scene", urgent + label + self._values(message))
 
     def market(self, message: Any) -> None:
+        for host in message.refused_hosts:
+            if host not in self._refused:
+                self._line("market", f"[yellow]refuses[/] {escape(host)}")
+        self._refused = list(message.refused_hosts)
         awaited = list(message.awaited_hosts)
         if awaited and awaited != self._awaited:
             hosts = escape(join_first(awaited))

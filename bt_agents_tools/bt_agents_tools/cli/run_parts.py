@@ -199,21 +199,18 @@ def _check_free(system: SupervisedSystem, names: Sequence[str]) -> None:
 
 
 def _tell_market(system: SupervisedSystem) -> None:
-    """Print the market and the number of agents at each change, until the user ends it."""
-
-    def now() -> tuple[str, int, int]:
-        market = system.observer.market
-        return ("", 0, 0) if market is None else (market.epoch, market.hosts, market.agents)
-
+    """Print what the market has and refuses at each change, until the user ends it."""
     system.spin_until(lambda: system.observer.market is not None, _LOOK_S)
-    told = None
+    told: list[str] = []
     if not system.interrupt:
         system.start_fleet()
     while not system.interrupt:
         system.poll()
-        if now() != told:
-            told = epoch, hosts, agents = now()
-            text = f"{counted(hosts, 'host')}, {counted(agents, 'agent')}"
-            text = text if epoch else "none so far: waiting for it"
-            print_line(system.console, "[bold]market[/] ", text, INDENT)
+        lines = ["none so far: waiting for it"]
+        if (market := system.observer.market) is not None:
+            lines = [f"{counted(market.hosts, 'host')}, {counted(market.agents, 'agent')}"]
+            lines += [f"refuses {host}" for host in market.refused_hosts]
+        for line in lines if lines != told else ():
+            print_line(system.console, "[bold]market[/] ", line, INDENT)
+        told = lines
         system.spin_until(lambda: False, POLL_S)

@@ -13,6 +13,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.liveness import extended_after_stall, extended_lease
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
+from bt_agents_core.text import printable
 
 _AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -30,6 +31,12 @@ FIRST_HEARTBEAT_S = 3.0
 
 The middleware needs time to connect the market to the heartbeat of a new host.
 """
+
+MOST_REFUSED = 10
+"""Most refused starts of hosts that the status names."""
+
+REFUSED_S = 5.0
+"""Time after which a refused start of a host that does not register again is forgotten [s]."""
 
 TOKEN_BYTES = 16
 """Length of a token, as in ``RegisterHost.srv``."""
@@ -86,9 +93,9 @@ class RegistrationAnswer:
     """Answer to a registration; fields as in ``RegisterHost.srv``."""
 
     accepted: bool
-    agent_ids: tuple[int, ...]
-    reasons: tuple[str, ...]
     message: str
+    agent_ids: tuple[int, ...] = ()
+    reasons: tuple[str, ...] = ()
     token: bytes = field(default=b"", repr=False)
 
 
@@ -111,21 +118,21 @@ class Registry:
         # Last heartbeat, or the end of a stall of this process; not renewed like a lease.
         self._heard: dict[str, float] = {}
         self._back_since: dict[str, float] = {}
+        # Host and instance → time of the refusal and its description.
+        self._refused: dict[tuple[str, str], tuple[float, str]] = {}
         self._last_id = 0
         self._agents: dict[str, HostEntry] | None = None
 
     def register(self, registration: Registration, now: float) -> RegistrationAnswer:
         """Add, refresh or replace a host, or refuse it without any change."""
+        start = registration.host[:LONGEST_NAME], registration.instance[:LONGEST_NAME]
+        self._refused.pop(start, None)
         try:
             self._check_host(registration, now)
         except Refused as refused:
-            count = len(registration.agents)
-            return RegistrationAnswer(
-                accepted=False,
-                agent_ids=(0,) * count,
-                reasons=(refused.reason,) * count,
-                message=f"{refused.code}: {refused.reason}",
-            )
+            if len(self._refused) < MOST_REFUSED:
+                self._refused[start] = now, printable(f"{start[0]}: {refused}")
+            return RegistrationAnswer(accepted=False, message=str(refused))
         held = self.agents
         agents: dict[str, int] = {}
         ids, reasons = [], []
@@ -235,6 +242,11 @@ class Registry:
     def entries(self) -> tuple[HostEntry, ...]:
         """Return all registered hosts, dead or alive, in order of registration."""
         return tuple(self._entries.values())
+
+    def refused(self, now: float) -> tuple[str, ...]:
+        """Return the hosts that are refused, each with "code: reason"."""
+        self._refused = {one: at for one, at in self._refused.items() if now - at[0] < REFUSED_S}
+        return tuple(sorted(text for _, text in self._refused.values()))
 
     def get(self, host: str) -> HostEntry | None:
         """Return the entry of a host; None when it is not registered."""

@@ -29,7 +29,7 @@ from bt_agents_ros.size_check import RefusalLog
 from marketplace_node.effects import Execute, Note, SendGoal
 from marketplace_node.formatting import shown
 from marketplace_node.hosts.host_effects import CancelOpenGoals, RunGoal
-from marketplace_node.hosts.registry import HostEntry
+from marketplace_node.hosts.registry import HostEntry, RegistrationAnswer
 from marketplace_node.interaction.phases import RunEnd
 from marketplace_node.market import Market
 from marketplace_node.node.messages import (
@@ -252,20 +252,18 @@ class HostConnections:
         registration = registration_from_msg(request)
         answer, effects = self._market.register(registration, time.monotonic())
         self._execute(effects)
+        if answer.accepted and not self.reaches(request.host):
+            answer = RegistrationAnswer(
+                accepted=False,
+                message=f"UNREACHABLE: {request.run_action} or {request.heartbeat} cannot be "
+                "used, as something else has the name; the log of the marketplace says more",
+            )
         response.epoch = self._market.epoch
         response.accepted = answer.accepted
         response.agent_ids = list(answer.agent_ids)
         response.reasons = list(answer.reasons)
         response.message = answer.message
-        if answer.accepted and not self.reaches(request.host):
-            response.accepted = False
-            response.agent_ids = [0] * len(request.agents)
-            response.message = (
-                f"UNREACHABLE: {request.run_action} or {request.heartbeat} cannot be used, "
-                "as something else has the name; the log of the marketplace says more"
-            )
-            response.reasons = [response.message] * len(request.agents)
-        if response.accepted:
+        if answer.accepted:
             response.token = list(answer.token)
             self._take_unreported(request)
         else:

@@ -226,15 +226,13 @@ def status_to_msg(
     status: StatusChanged, epoch: str, stamp: Any, *, supervised: bool = False
 ) -> MarketStatus:
     """Return the message of the market's state since ``stamp``; see ``MarketStatus.msg``."""
-    fields = {**vars(status)}
-    problems = [FileProblem(**vars(one)) for one in fields.pop("undecided")]
+    problems = [FileProblem(**vars(one)) for one in status.problems]
     return MarketStatus(
+        **{**vars(status), "problems": problems},
         header=header_at(stamp),
         epoch=epoch,
         strategies=strategies_to_msg(),
-        problems=problems,
         supervised=supervised,
-        **fields,
     )
 
 

@@ -111,7 +111,8 @@ def test_waiting_scene_is_shown_as_waiting() -> None:
     ]
 
 
-def test_awaited_hosts_are_named_on_change() -> None:
+def test_awaited_and_refused_hosts_are_named_on_change() -> None:
+    refusing = msg.MarketStatus(refused_hosts=["/b: HOST_EXISTS: it is there"])
     waiting = msg.MarketStatus(queued=2, awaited_hosts=["/agents"])
     assert told(
         ("market", waiting),
@@ -119,10 +120,13 @@ def test_awaited_hosts_are_named_on_change() -> None:
         ("market", msg.MarketStatus(queued=3, awaited_hosts=["/agents", "/others"])),
         ("market", msg.MarketStatus(queued=3, agent="a", state=msg.MarketStatus.RUNNING)),
         ("market", waiting),
+        ("market", refusing),
+        ("market", refusing),
     ) == [
         "    scene  2 in line wait for /agents to be back",
         "    scene  3 in line wait for /agents and /others to be back",
         "    scene  2 in line wait for /agents to be back",
+        "   market  refuses /b: HOST_EXISTS: it is there",
     ]
 
 

@@ -329,10 +329,10 @@ def test_status_lists_undecidable_rules_of_last_evaluation() -> None:
         market.bid()
         assert [one.message for one in market.all(Alarm)] == [told], "it is logged once"
         market.perform()
-        assert [one.message for one in market.status.undecided] == [told]
+        assert [one.message for one in market.status.problems] == [told]
     market.scene("s3", 4.0, 3.0, 3.0)
     market.bid()
-    assert market.status.undecided == ()
+    assert market.status.problems == ()
 
 
 # Strategies and weights

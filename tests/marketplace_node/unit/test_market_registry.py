@@ -145,7 +145,8 @@ def test_incompatible_hosts_are_refused_without_side_effects(
 
     assert not answer.accepted
     assert answer.message.startswith(code)
-    assert (answer.agent_ids, registry.entries()) == ((0, 0), ())
+    assert [one.split(": ")[1] for one in registry.refused(4.0)] == [code]
+    assert (registry.refused(6.0), answer.agent_ids, registry.entries()) == ((), (), ())
 
 
 def test_stall_extends_live_leases_but_revives_no_host(registry: Registry) -> None:

@@ -94,6 +94,8 @@ def status(form: TableForm, shows_all: bool) -> None:
         _print("          ", f"{by}, until 'bt-agents resume'")
     if at:
         _print("          ", f"at {at}")
+    for host in market.refused_hosts:
+        _print("          ", f"refuses {host}")
     for host in market.awaited_hosts:
         _print("          ", f"scenes in line wait for {host} to be back")
     for number, label in enumerate(market.waiting, start=1):
