@@ -420,7 +420,6 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
                 self._collect(effect)
             case StatusChanged():
                 self._publish_status(effect)
-                self._health.update()
             case SceneEnded():
                 self._ends.publish(scene_end_to_msg(effect, self._market.epoch, self._now()))
                 log.info(f"scene '{effect.scene_id}' {effect.code}: {effect.message}")
