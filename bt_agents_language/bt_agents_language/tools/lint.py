@@ -159,7 +159,8 @@ def _endless_speech(tree: _Tree) -> Found:
             key = type_of(loop).rounds
             rounds = _rounds(loop)
             if math.isinf(rounds):
-                end, fewer = "without end", "a number"
+                end = "that only 'until' ends" if "until" in loop.fields else "without end"
+                fewer = "a number"
                 says = "the robot may say this for ever"
             else:
                 end, fewer = f"of {rounds} {key}", "a smaller number"

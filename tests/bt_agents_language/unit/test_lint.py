@@ -138,6 +138,11 @@ def test_warning_points_at_speech_and_names_loop():
     assert "{attempts: 3, …}" in warning.hint
 
 
+def test_endless_speech_names_until_as_only_end():
+    (warning,) = lint(agent("repeat: {until: live.mood > 4}\nsay: Hello."))
+    assert "a 'repeat' that only 'until' ends (line 8): " in warning.message
+
+
 @pytest.mark.parametrize(
     ("loop", "warned"),
     [
