@@ -221,13 +221,14 @@ def _busy_repeats(tree: _Tree) -> Found:
             and "pause" not in spec.fields
             and not any(map(_takes_time, iter_nodes(spec)))
         ):
-            key = type_of(spec).rounds
+            ends = "until" in spec.fields
+            end = "until: …" if ends else f"{type_of(spec).rounds}: forever"
             yield _at(
                 spec,
                 "busy-repeat",
-                f"this '{spec.kind}' starts its node again at every tick, without end and without "
-                "a pause",
-                f"add a pause: {spec.kind}: {{{key}: forever, pause: 1 s}}",
+                f"this '{spec.kind}' starts its node again at every tick, "
+                f"{'' if ends else 'without end and '}without a pause",
+                f"add a pause: {spec.kind}: {{{end}, pause: 1 s}}",
             )
 
 
