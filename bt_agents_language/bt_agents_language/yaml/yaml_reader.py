@@ -392,15 +392,16 @@ class _Builder:
                 "write one, or quote a text that starts with ':'",
             )
         elif strange is not None:
-            behind, space = strange[0].startswith("-"), strange[0][-1]
+            space = strange[0][-1]
             name = unicodedata.name(space, "strange space")
+            where, typed = "indents this line", "spaces"
+            if strange[0] != space:
+                where, typed = "follows '-'", "'- '"
             self._refuse(
                 "bad-character",
                 node,
-                f"a {name.lower()} (U+{ord(space):04X}) "
-                + ("follows '-'" if behind else "indents this line"),
-                "delete what is in front of the first word, and type "
-                + ("'- '" if behind else "spaces"),
+                f"a {name.lower()} (U+{ord(space):04X}) {where}",
+                f"delete what is in front of the first word, and type {typed}",
             )
             self.hopeless = True
         elif dash is not None:

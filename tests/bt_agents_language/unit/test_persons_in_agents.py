@@ -136,7 +136,7 @@ def test_rehearsal_declares_its_person() -> None:
         ("{name: anna, visits: 0}", "'visits'"),
         ("{name: anna, remembers: {favorite: tea}}", "'favorite'"),
         ("{name: anna, remembers: {favourite: '${x}'}}", "${…}"),
-        ("anna", "true, false, or who it is, such as {name: anna}"),
+        ("anna", "true, false, or {name: …}"),
     ],
 )
 def test_errors_about_rehearsal_person_are_reported(person: str, problem: str) -> None:

@@ -261,9 +261,7 @@ class ScenarioReader:
         if not isinstance(node, MappingNode):
             present = boolean(node.text) if isinstance(node, Scalar) else None
             if present is None:
-                self._reading.wrong_type(
-                    node, "'person'", "true, false, or who it is, such as {name: anna}"
-                )
+                self._reading.wrong_type(node, "'person'", "true, false, or {name: …}")
             return present, None
         fields = self._reading.keys(node, _PERSON)
         if fields is None:

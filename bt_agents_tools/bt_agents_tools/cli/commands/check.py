@@ -146,9 +146,7 @@ def _located(path: Path) -> tuple[Path, Path | None]:
         return path / "trees", None
     # A dangling link exists, and is a problem.
     if not os.path.lexists(path):
-        raise BtAgentsError(
-            f"there is no file or folder '{path}'; here an agent is named by its file"
-        )
+        raise BtAgentsError(f"there is no file or folder '{path}'; name files, not agents")
     return enclosing_folder(path), path
 
 
