@@ -297,6 +297,7 @@ def test_values_and_conditions_are_checked_against_installed_types(tree, expecte
     [
         ("[1, 2]", "'choices.0' is 1, expected text", 'write ["1", "2"]'),
         ("ja", "'choices' is 'ja', expected a list", 'write ["ja"]'),
+        ("'ja, nein'", "'choices' is 'ja, nein', expected a list", 'write ["ja", "nein"]'),
         ("[[a]]", "'choices.0' is a list, expected text", ""),
     ],
 )

@@ -56,14 +56,15 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
     for entry in entries:
         key = entry.key.text
         if key not in known:
-            near = nearest(key, known)
+            word = key.removeprefix(_GROUP)
+            near = nearest(word, known)
             reading.error(
                 "unknown-name",
                 entry.key,
                 f"scene.yaml has no {quote(key[:40])} under remembers",
                 f"did you mean '{near}'?"
                 if near is not None
-                else f"declare it there: remembers: {{{key[:40]}: text}}",
+                else f"declare it there: remembers: {{{word[:40]}: text}}",
             )
             continue
         wanted = names.type_of(_GROUP + key) or FieldType.ANY

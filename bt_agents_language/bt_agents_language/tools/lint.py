@@ -159,7 +159,8 @@ def _endless_speech(tree: _Tree) -> Found:
             key = type_of(loop).rounds
             rounds = _rounds(loop)
             if math.isinf(rounds):
-                end, fewer = "without end", "a number"
+                end = "that only 'until' ends" if "until" in loop.fields else "without end"
+                fewer = "a number"
                 says = "the robot may say this for ever"
             else:
                 end, fewer = f"of {rounds} {key}", "a smaller number"
@@ -220,13 +221,14 @@ def _busy_repeats(tree: _Tree) -> Found:
             and "pause" not in spec.fields
             and not any(map(_takes_time, iter_nodes(spec)))
         ):
-            key = type_of(spec).rounds
+            ends = "until" in spec.fields
+            end = "until: …" if ends else f"{type_of(spec).rounds}: forever"
             yield _at(
                 spec,
                 "busy-repeat",
-                f"this '{spec.kind}' starts its node again at every tick, without end and without "
-                "a pause",
-                f"add a pause: {spec.kind}: {{{key}: forever, pause: 1 s}}",
+                f"this '{spec.kind}' starts its node again at every tick, "
+                f"{'' if ends else 'without end and '}without a pause",
+                f"add a pause: {spec.kind}: {{{end}, pause: 1 s}}",
             )
 
 

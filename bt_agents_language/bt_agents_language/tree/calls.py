@@ -103,6 +103,8 @@ class CallReader:
             items = several(node)
             words = tuple(item.text for item in items if isinstance(item, Scalar))
             fits = len(words) == len(items) and problem(words) is None
+            if isinstance(node, Scalar):
+                words = tuple(word.strip() for word in node.text.split(","))
             hint = f"write [{', '.join(map(quoted, words))}]" if fits else ""
             self._reading.error(
                 "wrong-value", node, f"the robot does not take this: {unfit}", hint

@@ -348,7 +348,7 @@ class TypedReader:
             return None
         if _NAME.fullmatch(text) and len(text) <= MAX_NAME:
             return text
-        meant = _name_meant(text)
+        meant = name_meant(text)
         hint = f"write {meant}" if _NAME.fullmatch(meant) and len(meant) <= MAX_NAME else ""
         self.error(
             "bad-name",
@@ -677,7 +677,7 @@ def _other_file(root: Node, known: Collection[str]) -> tuple[MappingEntry, str, 
     return None
 
 
-def _name_meant(text: str) -> str:
+def name_meant(text: str) -> str:
     """Return a text in the form of an identifier: ``SetLight`` → ``set_light``."""
     plain = unicodedata.normalize("NFKD", _HUMP.sub("_", text.strip()))
     plain = "".join(c for c in plain if not unicodedata.combining(c))

@@ -45,7 +45,7 @@ MAX_READ_AGAIN = 50_000
 MAX_SYNTAX_ERRORS = 20
 """Number of syntax errors after which reading ends, because the file is not YAML."""
 
-_STRANGE_SPACE = re.compile("[\u00a0\u1680\u2000-\u200b\u202f\u205f\u2060\u3000]")
+_STRANGE_SPACE = re.compile("-?[\u00a0\u1680\u2000-\u200b\u202f\u205f\u2060\u3000]")
 _LOST_SPACE = re.compile("-(?=[^\\W\\d_])|[\u2010-\u2015\u2212] ?")
 _STANDARD_TAG = re.compile("^tag:yaml.org,2002:")
 _NOTHING = frozenset(("", "~", "null", "Null", "NULL"))
@@ -392,12 +392,16 @@ class _Builder:
                 "write one, or quote a text that starts with ':'",
             )
         elif strange is not None:
-            name = unicodedata.name(strange[0], "strange space")
+            space = strange[0][-1]
+            name = unicodedata.name(space, "strange space")
+            where, typed = "indents this line", "spaces"
+            if strange[0] != space:
+                where, typed = "follows '-'", "'- '"
             self._refuse(
                 "bad-character",
                 node,
-                f"a {name.lower()} (U+{ord(strange[0]):04X}) indents this line",
-                "delete what is in front of the first word, and type spaces",
+                f"a {name.lower()} (U+{ord(space):04X}) {where}",
+                f"delete what is in front of the first word, and type {typed}",
             )
             self.hopeless = True
         elif dash is not None:

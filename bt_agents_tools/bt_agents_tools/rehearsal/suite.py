@@ -96,7 +96,7 @@ def find_tests(paths: Iterable[Path]) -> list[Path]:
             shown = (one for one in inside if not any(p.startswith(".") for p in one.parts[1:]))
             found |= dict.fromkeys(sorted(shown))
         elif not path.exists():
-            raise BtAgentsError(f"there is no file or folder '{path}'")
+            raise BtAgentsError(f"there is no file or folder '{path}'; name files, not agents")
         elif not path.name.endswith(TEST_SUFFIXES):
             raise BtAgentsError(f"'{path}' is not a test file; its name must end with .test.yaml")
         else:

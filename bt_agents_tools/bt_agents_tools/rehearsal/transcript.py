@@ -108,8 +108,8 @@ def time_text(seconds: float) -> str:
     minutes, rest = divmod(round(seconds, 1), 60)
     if minutes < 60:
         return f"{minutes:.0f}:{rest:04.1f}"
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours:.0f}:{minutes:02.0f}:{rest:02.0f}"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02}:{rest:02}"
 
 
 def phrase(node: NodeSpec, inputs: Mapping[str, Plain]) -> str:

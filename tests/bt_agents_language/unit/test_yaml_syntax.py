@@ -44,6 +44,11 @@ QUOTE = "quote a text with ': ' in it: \"…: …\""
         ),
         ("say: Hello«: you.", "this line has a second ':'", QUOTE),
         (
+            "sequence:\n  «-\u00a0say: A.",
+            "a no-break space (U+00A0) follows '-'",
+            "delete what is in front of the first word, and type '- '",
+        ),
+        (
             "sequence:\n  - say: A.\n  «-say: B.",
             "a space is missing after '-'",
             "write '- say: B.'",

@@ -197,7 +197,9 @@ def format_value(value: Setting, field_type: FieldType) -> str:
 
 
 def shown_value(parameter: TunableParameter, value: Setting) -> str:
-    """Return a value for people in one line: an empty text as ``''``, else as authors write it."""
+    """Return a value for people in one line: an empty text as ``''``, a learned one rounded."""
+    if parameter.kind is TunableKind.PROFILE:
+        return f"{value:g}"
     return printable(parameter.format(value)) or "''"
 
 

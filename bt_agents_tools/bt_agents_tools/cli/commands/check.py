@@ -146,7 +146,7 @@ def _located(path: Path) -> tuple[Path, Path | None]:
         return path / "trees", None
     # A dangling link exists, and is a problem.
     if not os.path.lexists(path):
-        raise BtAgentsError(f"there is no file or folder '{path}'; check the name")
+        raise BtAgentsError(f"there is no file or folder '{path}'; name files, not agents")
     return enclosing_folder(path), path
 
 

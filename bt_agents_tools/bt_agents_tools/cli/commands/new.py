@@ -34,7 +34,7 @@ from bt_agents_language.tools.templates.first_files import (
     tests_beside,
 )
 from bt_agents_language.yaml.source import Source, read_source
-from bt_agents_language.yaml.typed_reader import MAX_NAME
+from bt_agents_language.yaml.typed_reader import MAX_NAME, name_meant
 from bt_agents_tools.cli.named_agent import named_agent
 from bt_agents_tools.rehearsal.rehearsal import rehearse
 
@@ -234,7 +234,7 @@ def _copies(name: str, origin: Trees, file: Path, directory: Path) -> tuple[str,
 def _check_name(name: str) -> None:
     if _NAME.fullmatch(name) and len(name) <= MAX_NAME:
         return
-    meant = re.sub(r"[^a-z0-9_]+", "_", name.lower()).strip("_")
+    meant = name_meant(name)
     hint = f"; write {meant}" if _NAME.fullmatch(meant) and len(meant) <= MAX_NAME else ""
     raise BtAgentsError(
         f"'{name[:MAX_NAME]}' cannot be a name: small letters a-z, digits and '_', a letter "
