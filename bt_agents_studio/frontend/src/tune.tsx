@@ -129,7 +129,8 @@ function Group({ name, isOpen, isRunning, values, latest, revisions }: GroupProp
   const different = values.filter(isDifferent).length;
   return (
     <section className={shared.panel} aria-label={name}>
-      <details open={open}>
+      {/* What somebody changes here stays, also when another agent runs. */}
+      <details open={open} onChange={() => setAsked(true)}>
         <summary
           onClick={(event) => {
             event.preventDefault();
