@@ -235,6 +235,17 @@ def test_mood_is_as_wide_as_its_column(page: Page) -> None:
         expect(drawn).to_have_js_property("offsetWidth", box(page.locator(".live-plot"))["width"])
 
 
+def test_chosen_place_of_palette_is_in_view(page: Page) -> None:
+    page.set_viewport_size({"width": 640, "height": 400})
+    page.keyboard.press("Control+k")
+    places = page.get_by_role("listbox", name="Go to …").get_by_role("option")
+    expect(places).to_have_count(12)
+    page.keyboard.press("ArrowUp")
+    expect(places.last).to_have_attribute("aria-selected", "true")
+    expect(places.last).to_be_in_viewport(ratio=1)
+    expect(page.get_by_role("combobox", name="Go to …")).to_be_in_viewport(ratio=1)
+
+
 def test_closed_palette_changes_nothing(page: Page, running: BackgroundStudio) -> None:
     open_page(page, "Market")
     page.keyboard.press("Control+k")
@@ -327,7 +338,7 @@ def test_opened_pages_are_filled_when_studio_returns(
 ) -> None:
     page, socket = half_open
     listed = filled(JournalRecord, name="a.mcap")
-    running.studio.journal_list = lambda: (listed,)  # type: ignore[method-assign]
+    running.studio.journal_list = lambda: [listed]  # type: ignore[method-assign]
     for name in ("System", "Market", "Live"):
         open_page(page, name)
     for name in ("Market", "System"):
