@@ -408,6 +408,25 @@ def test_running_agent_is_first_and_open(page: Page) -> None:
     expect(page.locator("#tunable-carrier-volume")).to_be_visible()
 
 
+def test_typed_text_stays_when_another_agent_runs(page: Page, studio: BackgroundStudio) -> None:
+    field(page).fill("12.5")
+    studio.put("runs", "carrier", run("carrier", time.time() + 1))
+    expect(page.locator(".shared-main section").first).to_have_attribute("aria-label", "carrier")
+    expect(field(page)).to_have_value("12.5")
+    expect(field(page)).to_be_focused()
+    studio.put("runs", "guide", run("guide", time.time() + 2))
+    expect(page.locator(".shared-main section").first).to_have_attribute("aria-label", "guide")
+
+
+def test_typed_value_stays_among_differences(page: Page, studio: BackgroundStudio) -> None:
+    page.get_by_label("Only differences from the file").check()
+    expect(page.locator("#tunable-carrier-volume")).to_have_count(0)
+    field(page).fill("12.5")
+    studio.put("tunables", f"{HOST}|{PATIENCE.name}", replace(PATIENCE, value=PATIENCE.default))
+    expect(page.get_by_role("alert").filter(has_text="8 → 15")).to_be_visible()
+    expect(field(page)).to_have_value("12.5")
+
+
 def test_values_are_found_by_name_and_description(page: Page) -> None:
     for text in ("volume", "LOUD it"):
         page.get_by_role("searchbox").fill(text)

@@ -18,7 +18,7 @@ from bt_agents_interfaces.msg import Auction, RankedBid, Scene, SceneValue
 from bt_agents_studio.access import SessionRole
 from bt_agents_studio.records import StrategyRecord
 from studio_browser import box, open_page, opened_page, wait_for
-from studio_entries import market, part
+from studio_entries import auction, market, part
 from studio_harness import BackgroundStudio, background_studio
 
 pytestmark = pytest.mark.e2e
@@ -211,3 +211,16 @@ def test_map_of_other_scene_says_so(page: Page) -> None:
     expect(note).to_have_count(0)
     slider(page, "mood").fill("4")
     expect(note).to_be_visible()
+
+
+def test_rounds_stay_in_place_when_one_begins(page: Page, studio: BackgroundStudio) -> None:
+    for number in range(30):
+        studio.put("rounds", f"x/{number}", replace(auction("a guide"), round=number))
+    rounds = page.get_by_label("Rounds", exact=True).get_by_role("button")
+    expect(rounds).to_have_count(30)
+    rounds.last.scroll_into_view_if_needed()
+    page.wait_for_function("document.querySelector('.market-rounds').scrollLeft > 0")
+    before = box(rounds.last)["x"]
+    studio.put("rounds", "x/30", replace(auction("a guide"), round=30))
+    expect(rounds).to_have_count(31)
+    assert box(rounds.last)["x"] == pytest.approx(before, abs=1)

@@ -231,6 +231,15 @@ def test_search_results_are_stepped_forwards_and_backwards(page: Page) -> None:
         expect(row(page, f"tree/42.sequence/{path}.say")).to_be_in_viewport()
 
 
+def test_search_stays_when_another_agent_runs(page: Page, studio: BackgroundStudio) -> None:
+    search = page.get_by_role("searchbox")
+    search.fill("sentence 42")
+    studio.put("runs", "other", run("other"))
+    expect(page.locator("option").first).to_have_text("newest run: other")
+    expect(search).to_have_value("sentence 42")
+    expect(search).to_be_focused()
+
+
 def test_the_wheel_zooms_at_the_pointer(page: Page) -> None:
     open_map(page)
     for _ in range(3):

@@ -15,9 +15,15 @@ from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 import studio_entries
 from bt_agents_studio.access import SessionRole
-from bt_agents_studio.records import MarketRecord, RoundRecord, SceneRecord, TreeRecord
+from bt_agents_studio.records import (
+    JournalRecord,
+    MarketRecord,
+    RoundRecord,
+    SceneRecord,
+    TreeRecord,
+)
 from studio_browser import box, look_back, open_page, opened_page, strip, wait_for
-from studio_entries import HOST, agent, auction, run, scene, tunable
+from studio_entries import HOST, agent, auction, filled, run, scene, tunable
 from studio_harness import BackgroundStudio, background_studio
 from studio_records import node
 
@@ -221,6 +227,25 @@ def test_column_keeps_the_width_that_somebody_gave_it(page: Page) -> None:
     expect(edge).to_have_attribute("aria-valuenow", str(round(usual)))
 
 
+def test_mood_is_as_wide_as_its_column(page: Page) -> None:
+    edge = page.get_by_role("separator", name="Width of the right column")
+    drawn = page.locator(".uplot")
+    for key in ("ArrowRight", "ArrowLeft"):
+        edge.press(key)
+        expect(drawn).to_have_js_property("offsetWidth", box(page.locator(".live-plot"))["width"])
+
+
+def test_chosen_place_of_palette_is_in_view(page: Page) -> None:
+    page.set_viewport_size({"width": 640, "height": 400})
+    page.keyboard.press("Control+k")
+    places = page.get_by_role("listbox", name="Go to …").get_by_role("option")
+    expect(places).to_have_count(12)
+    page.keyboard.press("ArrowUp")
+    expect(places.last).to_have_attribute("aria-selected", "true")
+    expect(places.last).to_be_in_viewport(ratio=1)
+    expect(page.get_by_role("combobox", name="Go to …")).to_be_in_viewport(ratio=1)
+
+
 def test_closed_palette_changes_nothing(page: Page, running: BackgroundStudio) -> None:
     open_page(page, "Market")
     page.keyboard.press("Control+k")
@@ -306,6 +331,25 @@ def test_half_open_connection_is_shown_soon_and_replaced(
     expect(phase).to_have_text("connected")
     expect(side).to_have_css("opacity", "1")
     expect(strip(page)).to_contain_text("mood 5")
+
+
+def test_opened_pages_are_filled_when_studio_returns(
+    half_open: tuple[Page, SwallowedSocket], running: BackgroundStudio
+) -> None:
+    page, socket = half_open
+    listed = filled(JournalRecord, name="a.mcap")
+    running.studio.journal_list = lambda: [listed]  # type: ignore[method-assign]
+    for name in ("System", "Market", "Live"):
+        open_page(page, name)
+    for name in ("Market", "System"):
+        socket.is_swallowed = True
+        expect(page.locator(".phase")).to_have_text(STALE)
+        page.context.set_offline(True)
+        open_page(page, name)
+        with page.expect_response("**/api/do/strategy" if name == "Market" else "**/api/journals"):
+            socket.is_swallowed = False
+            page.context.set_offline(False)
+    expect(page.get_by_label("Recordings")).to_contain_text("a.mcap")
 
 
 @pytest.mark.parametrize(

@@ -347,6 +347,11 @@ def test_events_of_window_are_saved_as_table(
     assert [row[2] for row in saved_table(page, tmp_path)[1:]] == ["AGENT"]
 
 
+def test_table_is_saved_without_studio(page: Page, tmp_path: Path) -> None:
+    page.context.set_offline(True)
+    assert len(saved_table(page, tmp_path)) > 1
+
+
 def menu(page: Page, name: str) -> Locator:
     return page.locator(".timeline_menu-menu").filter(has=page.get_by_text(name, exact=True))
 

@@ -20,6 +20,9 @@ import shared from "./shared.module.css";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
 import { lineOf, TreePanel } from "./tree_panel";
+import { useWidth } from "./width";
+
+const PLOT_PX = 120;
 
 export function Live() {
   const runs = useCollection("runs");
@@ -236,6 +239,7 @@ function MoodPanel({ agent }: { agent: string }) {
   const card = useEntry("agents", agent);
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
+  const width = useWidth(box);
   useEffect(() => {
     if (box.current === null) return;
     const shade = (name: string) => () => getComputedStyle(document.body).getPropertyValue(name).trim();
@@ -244,7 +248,7 @@ function MoodPanel({ agent }: { agent: string }) {
     plot.current = new uPlot(
       {
         width: box.current.clientWidth || 300,
-        height: 120,
+        height: PLOT_PX,
         legend: { show: false },
         cursor: { show: false },
         axes: [axis, { ...axis, size: 34 }],
@@ -259,6 +263,9 @@ function MoodPanel({ agent }: { agent: string }) {
       plot.current?.destroy();
     };
   }, []);
+  useEffect(() => {
+    if (width > 0) plot.current?.setSize({ width, height: PLOT_PX });
+  }, [width]);
   useEffect(() => {
     plot.current?.setData([moods.map(([, one]) => one.at_s), moods.map(([, one]) => one.mood)]);
   }, [moods]);

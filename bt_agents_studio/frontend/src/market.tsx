@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Page "Market": rounds with their bids, profiles, and the causes of their changes.
 
-import { useState } from "react";
+import { useLayoutEffect, useRef, useState } from "react";
 import { author } from "./author";
 import { Bids, smallestChange } from "./bids";
 import { operate } from "./connection";
@@ -67,13 +67,27 @@ export function Market() {
 function Rounds({ shown, show }: { shown: string; show: (key: string) => void }) {
   const rounds = useCollection("rounds");
   const market = useEntry("market");
+  const box = useRef<HTMLDivElement>(null);
+  /** Button at the left edge of the frame, and its place; null at the newest round. */
+  const edge = useRef<{ button: HTMLElement; left: number } | null>(null);
+  const hold = (): void => {
+    const left = box.current?.scrollLeft ?? 0;
+    const button = ([...(box.current?.children ?? [])] as HTMLElement[]).find((one) => one.offsetLeft >= left);
+    edge.current = left > 0 && button !== undefined ? { button, left: button.offsetLeft } : null;
+  };
+  // The browser keeps lines in place when others appear above, but not columns.
+  useLayoutEffect(() => {
+    const { button, left } = edge.current ?? {};
+    if (button?.isConnected && left !== undefined) box.current?.scrollBy({ left: button.offsetLeft - left });
+    hold();
+  }, [rounds]);
   return (
     <section className={shared.panel} aria-label={words.rounds}>
       <h2>
         {words.rounds} <span>{market?.message}</span>
       </h2>
       {rounds.length === 0 && <Empty>{words.none}</Empty>}
-      <div className={css.rounds}>
+      <div className={css.rounds} ref={box} onScroll={hold}>
         {[...rounds].reverse().map(([name, one]) => (
           <button key={name} type="button" aria-pressed={name === shown} onClick={() => show(name)}>
             <b>{one.round}</b> {one.scene.label || formatTime(one.at_s)}

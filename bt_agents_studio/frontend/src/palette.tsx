@@ -50,6 +50,7 @@ function Search({ close }: { close: () => void }) {
   const list = useId();
   const found = useMemo(() => search(places, text), [places, text]);
   const at = Math.min(chosen, found.length - 1);
+  useEffect(() => document.getElementById(`${list}-${at}`)?.scrollIntoView({ block: "nearest" }), [at, found]);
   const goTo = (place: Place): void => {
     close();
     go({ ...NOTHING, ...place.address }, true);

@@ -2,6 +2,7 @@
 // Strategy of the market: the active one, its options, and a switch to another one.
 
 import { useEffect, useState } from "react";
+import { useConnection } from "./connection";
 import { NumberPair, scaleOf } from "./fields";
 import fieldCss from "./fields.module.css";
 import { OperationButton, Outcome, useOperation, WhyNot } from "./operation";
@@ -14,6 +15,7 @@ const words = texts.market;
 
 export function Strategy() {
   const market = useEntry("market");
+  const { phase } = useConnection();
   const read = useOperation("strategy");
   const change = useOperation("strategy");
   const [found, setFound] = useState<StrategiesRecord | null>(null);
@@ -21,9 +23,9 @@ export function Strategy() {
   const [given, setGiven] = useState<Record<string, number>>({});
   const inForce = market?.strategy ?? "";
   useEffect(() => {
-    if (inForce === "") return;
+    if (inForce === "" || phase !== "open") return;
     void read.ask({}).then((done) => done?.accepted && setFound(done.record as StrategiesRecord));
-  }, [market?.epoch, inForce, read.ask]);
+  }, [phase, market?.epoch, inForce, read.ask]);
   if (market === undefined) return null;
   const name = chosen || inForce;
   const options = found?.options[name] ?? [];

@@ -222,10 +222,11 @@ function Journals() {
   const [found, setFound] = useState<JournalRecord[]>([]);
   const recording = useEntry("recording");
   useEffect(() => {
+    if (phase !== "open") return;
     void fetch("/api/journals")
       .then((answer) => (answer.ok ? answer.json() : []))
       .then(setFound, () => setFound([]));
-  }, [recording?.file, recording?.recording]);
+  }, [phase, recording?.file, recording?.recording]);
   return (
     <section className={shared.panel} aria-label={words.journals}>
       <h2>{words.journals}</h2>

@@ -10,6 +10,7 @@ import shared from "./shared.module.css";
 import { useCollection, useEntry, usePresent, usePresentCollection } from "./store";
 import { texts } from "./texts";
 import css from "./timeline.module.css";
+import { saveMessages, savePicture, saveTable } from "./timeline_export";
 import {
   blockAt,
   blocksOf,
@@ -37,6 +38,7 @@ import {
 import { close, Menu } from "./timeline_menu";
 import { PlayerButtons, usePlayer } from "./timeline_player";
 import { DRAG_PX, STEP } from "./tree_view";
+import { useWidth } from "./width";
 
 const words = texts.time;
 const PERIOD_MS = 250;
@@ -151,9 +153,8 @@ function Export({ events, bookmarks, shown, endsNow, lanes }: ExportProps) {
   const box = useRef<HTMLDetailsElement>(null);
   const [isPending, setPending] = useState(false);
   const [failure, setFailure] = useState("");
-  const save = async (form: "CSV" | "PNG"): Promise<void> => {
+  const save = (form: "CSV" | "PNG"): void => {
     close(box);
-    const { savePicture, saveTable } = await import("./timeline_export");
     const drawing = lanes.current?.querySelector("svg");
     if (form === "CSV") saveTable(events, bookmarks, shown, source);
     else if (drawing) savePicture(drawing, shown, source);
@@ -162,7 +163,6 @@ function Export({ events, bookmarks, shown, endsNow, lanes }: ExportProps) {
     if (isPending) return;
     setPending(true);
     setFailure("");
-    const { saveMessages } = await import("./timeline_export");
     const recording = source || (written?.recording === true ? written.file : "");
     const missing = written === undefined ? texts.world.noJournal : texts.world.notRecorded;
     const toS = endsNow ? Date.now() / 1000 + offsetS : shown.toS;
@@ -174,10 +174,10 @@ function Export({ events, bookmarks, shown, endsNow, lanes }: ExportProps) {
   return (
     <Menu box={box} label={words.save} onOpen={() => setFailure("")}>
       <div className={shared.bar}>
-        <button type="button" onClick={() => void save("CSV")}>
+        <button type="button" onClick={() => save("CSV")}>
           {words.saveTable}
         </button>
-        <button type="button" onClick={() => void save("PNG")}>
+        <button type="button" onClick={() => save("PNG")}>
           {words.savePicture}
         </button>
         <button type="button" aria-disabled={isPending || undefined} onClick={() => void saveRecorded()}>
@@ -401,16 +401,6 @@ function Lanes({ box, events, bookmarks, whole, view, moment, describe, titleOf,
       )}
     </div>
   );
-}
-
-function useWidth(box: React.RefObject<HTMLElement | null>): number {
-  const [width, setWidth] = useState(0);
-  useEffect(() => {
-    const observer = new ResizeObserver(([entry]) => setWidth(Math.floor(entry?.contentRect.width ?? 0)));
-    if (box.current !== null) observer.observe(box.current);
-    return () => observer.disconnect();
-  }, [box]);
-  return width;
 }
 
 function textOf(block: Block | undefined, describe: (event: EventRecord) => string): string | undefined {

@@ -87,7 +87,11 @@ export const TreePanel = memo(function TreePanel(props: TreePanelProps) {
         aria-label={texts.live.search}
         placeholder={texts.live.search}
         value={search}
-        onChange={(event) => setSearch(event.target.value)}
+        onChange={(event) => {
+          setSearch(event.target.value);
+          // Another run would replace the tree, and lose the text.
+          choose(chosen);
+        }}
         onKeyDown={(event) => {
           if (event.key === "Enter") goToResult(event.shiftKey ? -1 : 1);
         }}

@@ -31,6 +31,8 @@ export function Tune() {
   const running = useRunning();
   const may = useOperation("tune");
   const [onlyDifferent, setOnlyDifferent] = useState(false);
+  /** Names of the values that somebody moves or types; they stay, even if they become those of the file. */
+  const changed = useRef(new Set<string>());
   const { search } = useAddress();
   const latest = new Map<string, TuningRecord>();
   const revisions = new Map<string, number>();
@@ -44,7 +46,7 @@ export function Tune() {
     `${one.name} ${titles.get(one.agent) ?? ""} ${one.description}`.toLowerCase().includes(wanted);
   const groups = new Map<string, TunableRecord[]>();
   for (const [, one] of tunables) {
-    if ((onlyDifferent && !isDifferent(one)) || !isWanted(one)) continue;
+    if ((onlyDifferent && !isDifferent(one) && !changed.current.has(one.name)) || !isWanted(one)) continue;
     const group = one.agent || one.host;
     groups.set(group, [...(groups.get(group) ?? []), one]);
   }
@@ -62,7 +64,14 @@ export function Tune() {
             onChange={(event) => go({ search: event.target.value }, false)}
           />
           <label>
-            <input type="checkbox" checked={onlyDifferent} onChange={(event) => setOnlyDifferent(event.target.checked)} />{" "}
+            <input
+              type="checkbox"
+              checked={onlyDifferent}
+              onChange={(event) => {
+                changed.current.clear();
+                setOnlyDifferent(event.target.checked);
+              }}
+            />{" "}
             {words.differs}
           </label>
           <span className={shared.faint}>
@@ -79,6 +88,7 @@ export function Tune() {
               name={group}
               isOpen={group === running || sorted.length === 1 || onlyDifferent || wanted !== ""}
               isRunning={group === running}
+              changes={(name) => changed.current.add(name)}
               values={values}
               latest={latest}
               revisions={revisions}
@@ -117,19 +127,22 @@ interface GroupProps {
   name: string;
   isOpen: boolean;
   isRunning: boolean;
+  /** Called when somebody moves or types a value. */
+  changes: (name: string) => void;
   values: TunableRecord[];
   latest: ReadonlyMap<string, TuningRecord>;
   revisions: ReadonlyMap<string, number>;
 }
 
-function Group({ name, isOpen, isRunning, values, latest, revisions }: GroupProps) {
+function Group({ name, isOpen, isRunning, changes, values, latest, revisions }: GroupProps) {
   const agent = useEntry("agents", name);
   const [asked, setAsked] = useState<boolean | null>(null);
   const open = asked ?? isOpen;
   const different = values.filter(isDifferent).length;
   return (
     <section className={shared.panel} aria-label={name}>
-      <details open={open}>
+      {/* What somebody changes here stays, also when another agent runs. */}
+      <details open={open} onChange={() => setAsked(true)}>
         <summary
           onClick={(event) => {
             event.preventDefault();
@@ -150,6 +163,7 @@ function Group({ name, isOpen, isRunning, values, latest, revisions }: GroupProp
             <Control
               key={one.name}
               tunable={one}
+              changes={changes}
               latest={latest.get(one.name)}
               revision={revisions.get(one.host) ?? 0}
             />
@@ -162,12 +176,13 @@ function Group({ name, isOpen, isRunning, values, latest, revisions }: GroupProp
 
 interface ControlProps {
   tunable: TunableRecord;
+  changes: (name: string) => void;
   latest: TuningRecord | undefined;
   /** Revision of the last change of the host that this page has received. */
   revision: number;
 }
 
-function Control({ tunable, latest, revision }: ControlProps) {
+function Control({ tunable, changes, latest, revision }: ControlProps) {
   const set = useOperation("tune");
   const slide = useOperation("tune");
   const current = exact(tunable.value);
@@ -232,7 +247,7 @@ function Control({ tunable, latest, revision }: ControlProps) {
   const disabled = set.whyNot !== "";
   const isRate = tunable.kind === "LEARNING_RATE";
   return (
-    <div className={fieldCss.row}>
+    <div className={fieldCss.row} onChange={() => changes(tunable.name)}>
       <label htmlFor={id}>
         {tunable.key} <small>{tunable.description}</small>
       </label>
