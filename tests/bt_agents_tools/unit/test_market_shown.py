@@ -96,7 +96,7 @@ def test_duration_has_at_most_two_units(lasted_s, text):
 
 
 def test_state_from_before_simulated_time_has_no_duration():
-    assert since_text(to_time(0.0), SINCE_S) == "since before the first message on /clock"
+    assert since_text(to_time(0.0), SINCE_S) == "since before simulated time"
 
 
 def test_market_time_is_simulated_under_simulated_time():
