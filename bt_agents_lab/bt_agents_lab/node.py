@@ -83,7 +83,7 @@ class JournalNode(BaseNode):
         self._status = self.create_publisher(RecordingStatus, "~/status", qos.FACT)
         self._bookmarks = self.create_publisher(Bookmark, "bt_agents/bookmarks", qos.FACTS)
         self._health = HealthPublisher(self, lambda: (self.journal.health,))
-        self._control = RecordingControl(self.journal, self, time.time_ns)
+        self._control = RecordingControl(self.journal, self, time.time_ns, time.monotonic)
         self.create_service(Record, "~/record", self._on_record, qos_profile=qos.SERVICE)
         for heard in heard_by("journal"):
             if HOST not in heard.name and heard not in (CARDS, DIAGNOSTICS):

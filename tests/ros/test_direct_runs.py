@@ -18,6 +18,7 @@ from action_msgs.msg import GoalStatus
 from py_trees.common import Status
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 
 from bt_agents.host import run_server
 from bt_agents.host.node import HostNode, make_node
@@ -146,6 +147,14 @@ def test_unrunnable_goal_is_refused_with_reason(
 def test_run_without_simulated_time_is_refused(host: HostNode, client: Client) -> None:
     host.set_parameters([Parameter("use_sim_time", value=True)])
     reason = "quick cannot run: use_sim_time is set, but nothing publishes /clock"
+    assert client.refusal("quick") == ("UNAVAILABLE", reason)
+
+
+def test_refusal_names_simulated_time_at_zero(ros: Any, host: HostNode, client: Client) -> None:
+    host.set_parameters([Parameter("use_sim_time", value=True)])
+    ros.node.create_publisher(Clock, "/clock", 1).publish(Clock())
+    ros.until(lambda: host.count_publishers("/clock"))
+    reason = "quick cannot run: use_sim_time is set, but /clock stands at zero"
     assert client.refusal("quick") == ("UNAVAILABLE", reason)
 
 

@@ -28,7 +28,7 @@ from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, SetProfile
 from bt_agents_language.model.experiment import PreparedFeedback
 from bt_agents_ros import qos
-from bt_agents_ros.messages import scene_to_msg
+from bt_agents_ros.messages import header_at, scene_to_msg, to_time
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import RevisionCause
@@ -124,7 +124,10 @@ class Scenario:
         self.ros.until(lambda: len(self.profiles) > seen and self.live.get_subscription_count())
 
     def event(self, event: int) -> None:
-        self.runs.publish(Run(epoch="e", round=1, event=event, agent="guide", scene=scene(4.0)))
+        at = header_at(to_time(7.0))  # simulated time
+        self.runs.publish(
+            Run(header=at, epoch="e", round=1, event=event, agent="guide", scene=scene(4.0))
+        )
 
     def run(self) -> None:
         self.event(Run.STARTED)
@@ -272,6 +275,7 @@ def test_mood_change_is_credited_to_active_tree_node(running):
     running.ros.until(lambda: traces)
     trace = traces[0]
     assert (trace.epoch, trace.round, trace.agent) == ("e", 1, "guide")
+    assert trace.header.stamp == to_time(7.0)
     assert (list(trace.leaves), list(trace.change)) == (["tree/0.say"], [-1.5])
     assert 2.5 <= trace.mean[0] <= 4.0
     assert trace.seconds[0] > 0.0

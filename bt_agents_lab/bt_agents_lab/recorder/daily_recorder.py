@@ -200,14 +200,16 @@ class DailyRecorder:
         found = [match for match in _names(self._folder) if match[1] == day]
         start = 1 + max((int(match[2] or 0) for match in found), default=0)
         file = JournalFile(self._folder / f"journal-{day}_{start:03}.mcap", self._write)
-        self._drop_old()
+        self._drop_old(day)
         return file
 
-    def _drop_old(self) -> None:
+    def _drop_old(self, today: str) -> None:
         if not self._days:
             return
         found = _names(self._folder)
-        recent = sorted({match[1] for match in found})[-self._days :]
+        # A wrong clock may have named files after later days.
+        others = sorted({match[1] for match in found} - {today}, reverse=True)
+        recent = {today, *others[: self._days - 1]}
         for match in found:
             if match[1] in recent:
                 continue

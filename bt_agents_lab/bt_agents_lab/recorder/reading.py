@@ -38,6 +38,7 @@ MOST_UNPACKED_FILE = 1 << 31
 MOST_FURTHER = 5000
 """Maximum number of messages of any type to read at once from a file that is read in pieces."""
 
+_SETBACK_NS = 10**9
 _LARGEST_RECORD = 1 << 30
 _FIRST_MESSAGES = 1000
 _HEAD = Struct("<BQ")
@@ -61,6 +62,8 @@ class JournalEntry:
     Attributes:
         type: ``package/msg/Name``.
         sent_ns: When it was sent, or for a bag without that time, received [ns since 1970].
+        turn_ns: Like ``sent_ns``; at the latest when it was received, if that is known.
+        setbacks: How often the clock of the journal was set back before.
         lost: Number of messages of its topic that the journal dropped right before it.
         data: Serialized message, as it was sent.
         decoder: Returns the message of ``data`` with its fields as attributes.
@@ -69,6 +72,8 @@ class JournalEntry:
     topic: str
     type: str
     sent_ns: int
+    turn_ns: int
+    setbacks: int
     lost: int
     data: bytes
     decoder: Callable[[bytes], Any]
@@ -137,6 +142,8 @@ class _Position:
     Attributes:
         whole: End of the last record that was complete [bytes].
         sequences: Number of the last message by channel.
+        received_ns: When the last message was received [ns since 1970].
+        setbacks: How often the clock was set back, in this file and those before it.
     """
 
     whole: int = 0
@@ -145,10 +152,14 @@ class _Position:
     factory: DecoderFactory = field(default_factory=DecoderFactory)
     is_ours: bool = False
     sequences: dict[int, int] = field(default_factory=dict)
+    received_ns: int = 0
+    setbacks: int = 0
 
 
 class JournalReader:
     """Reader of the messages of some journals and bags, in the order of sending.
+
+    Messages from before and after a moment when the clock of a journal was set back stay apart.
 
     Duplicates, such as a latched message that a journal received again after its restart, are
     returned once.
@@ -228,13 +239,16 @@ class JournalReader:
 
     def _unread(self) -> Iterator[JournalEntry]:
         """Yield all messages since the last call, as written."""
+        setbacks = 0
         for path, recorded in self._recorded.items():
             self.problems += recorded.problems
             number = 0
             for file in recorded.paths:
-                for one in self._of_file(file):
+                at = self._positions.setdefault(file, _Position(setbacks=setbacks))
+                for one in self._of_file(file, at):
                     number += 1
                     yield one
+                setbacks = at.setbacks
             if number < (recorded.messages or 0):
                 self.problems.append(
                     f"{path} is said to hold {recorded.messages} messages, found {number}"
@@ -294,14 +308,20 @@ class JournalReader:
             if unknown:
                 self.problems.append(f"{path} holds {unknown} messages of unreadable topics")
 
-    def _of_file(self, path: Path) -> Iterator[JournalEntry]:
-        at = self._positions.setdefault(path, _Position())
+    def _of_file(self, path: Path, at: _Position) -> Iterator[JournalEntry]:
         for one in self._stored(path, at):
+            received_ns = one.message.log_time
+            # Recorders that do not know the time of sending write 0.
+            sent_ns = one.message.publish_time or received_ns
+            # Only a journal is known to write messages as it receives them.
+            at.setbacks += one.is_ours and received_ns < at.received_ns - _SETBACK_NS
+            at.received_ns = received_ns
             yield JournalEntry(
                 topic=one.channel.topic,
                 type=one.schema.name,
-                # Recorders that do not know the time of sending write 0.
-                sent_ns=one.message.publish_time or one.message.log_time,
+                sent_ns=sent_ns,
+                turn_ns=min(sent_ns, received_ns) if one.is_ours else sent_ns,
+                setbacks=at.setbacks,
                 lost=lost_before(one.message, at.sequences) if one.is_ours else 0,
                 data=one.message.data,
                 decoder=one.decoder,
@@ -334,7 +354,7 @@ class JournalReader:
 
         Each of the others is counted.
         """
-        entries.sort(key=lambda entry: entry.sent_ns)
+        entries.sort(key=lambda entry: (entry.setbacks, entry.turn_ns))
         topics = {(one.topic, one.type) for one in entries}
         self._namespaces |= {_namespace_of(*topic) for topic in topics} - {""}
         namespaces = self._namespaces

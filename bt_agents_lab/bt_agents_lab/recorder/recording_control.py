@@ -63,14 +63,21 @@ class RecordingControl:
         recorder: Writes the files.
         listener: Gets every change, and the initial state.
         now_ns: Returns the time of day [ns since 1970].
+        clock: Returns the steady time [s].
     """
 
     def __init__(
-        self, recorder: DailyRecorder, listener: RecordingListener, now_ns: Callable[[], int]
+        self,
+        recorder: DailyRecorder,
+        listener: RecordingListener,
+        now_ns: Callable[[], int],
+        clock: Callable[[], float],
     ) -> None:
         self._recorder = recorder
         self._listener = listener
         self._now_ns = now_ns
+        self._clock = clock
+        self._begun_at = clock()
         self.state = RecordingState(since_ns=now_ns(), is_recording=True, file=recorder.path.name)
         listener.on_state(self.state)
 
@@ -94,6 +101,7 @@ class RecordingControl:
                 f"no recording can be begun ({error.strerror or error}); make room, or look at "
                 "the rights of the folder",
             ) from None
+        self._begun_at = self._clock()
         self._set(
             RecordingState(
                 since_ns=now_ns,
@@ -130,8 +138,7 @@ class RecordingControl:
             Refused: ``NOT_RECORDING``, ``OUT_OF_RANGE`` or ``TOO_MANY`` bookmarks.
         """
         self._check_recording()
-        now_ns = self._now_ns()
-        begun_s = (now_ns - self.state.since_ns) * 1e-9
+        begun_s = self._clock() - self._begun_at
         if not 0.0 <= age_s <= begun_s:
             raise Refused(
                 RefusalCode.OUT_OF_RANGE,
@@ -146,7 +153,7 @@ class RecordingControl:
             )
         self._listener.on_bookmark(
             MarkedMoment(
-                at_ns=now_ns - round(age_s * 1e9), label=label, notes=notes, author=author
+                at_ns=self._now_ns() - round(age_s * 1e9), label=label, notes=notes, author=author
             )
         )
         self._set(replace(self.state, bookmarks=self.state.bookmarks + 1))

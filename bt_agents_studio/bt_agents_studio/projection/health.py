@@ -47,7 +47,8 @@ class HealthProjection:
     def __init__(self, store: Store, log: EventLog) -> None:
         self._store = store
         self._log = log
-        self._heard: dict[str, float] = {}
+        # Part → first check after its last report; clocks of other machines may differ.
+        self._heard: dict[str, float | None] = {}
         # Type of failed messages → their number, and the first reason.
         self._failed: dict[str, tuple[int, str]] = {}
         self.handlers = {"diagnostic_msgs/msg/DiagnosticArray": self._diagnostics}
@@ -82,6 +83,8 @@ class HealthProjection:
             record = self._store.get("health", name)
             if not isinstance(record, HealthRecord):
                 del self._heard[name]
+            elif heard_s is None:
+                self._heard[name] = now_s
             elif now_s - heard_s > UNTOLD_S:
                 self._put(name, Health.STALE.name, "it is silent", record.values, heard_s)
 
@@ -94,7 +97,7 @@ class HealthProjection:
     def _diagnostics(self, message: Any, at_s: float) -> None:
         for one in message.status[:_MOST_STATUSES]:
             name = _name(one.name)
-            self._heard[name] = at_s
+            self._heard[name] = None
             values = {_name(pair.key): _text(pair.value) for pair in one.values[:_MOST_VALUES]}
             level = name_of(_LEVELS, _octet(one.level))
             self._put(name, level, _text(one.message), values, at_s)

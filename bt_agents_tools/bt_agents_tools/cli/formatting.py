@@ -62,7 +62,12 @@ def clock_text(seconds: float) -> str:
 
 
 def since_text(stamp: Any, now: float) -> str:
-    """Return the time of day since when something holds, and its duration."""
+    """Return the time of day since when something holds, and its duration.
+
+    A stamp is zero if simulated time had not begun to pass.
+    """
+    if not (stamp.sec or stamp.nanosec):
+        return "since before simulated time"
     seconds = max(0, round(now - stamp.sec - stamp.nanosec * 1e-9))
     minutes, rest = divmod(seconds, 60)
     hours, minutes = divmod(minutes, 60)

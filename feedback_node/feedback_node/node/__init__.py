@@ -260,7 +260,9 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             leaves = self._controller.on_run_ended(event, collects=collects)
             if leaves:
                 values = self._run_values.of(event.key)
-                self._traces.publish(mood_trace_to_msg(event, leaves, values, time.time()))
+                self._traces.publish(
+                    mood_trace_to_msg(event, leaves, values, message.header.stamp)
+                )
         self._publish_undecided()
         self._set_timer()
 

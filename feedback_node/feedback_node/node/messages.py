@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
@@ -202,11 +203,11 @@ def mood_trace_to_msg(
     run: AnnouncedRun,
     leaves: Sequence[LeafMood],
     values: Mapping[tuple[str, str], str],
-    stamp: float,
+    stamp: Any,
 ) -> MoodTrace:
-    """Return the message of the mood trace of a run that ended at a time [s since 1970]."""
+    """Return the message of the mood trace of a run that ended at a time."""
     return MoodTrace(
-        header=header_at(to_time(stamp)),
+        header=header_at(stamp),
         epoch=run.epoch,
         round=run.round,
         agent=run.agent,

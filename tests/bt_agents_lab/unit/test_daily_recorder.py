@@ -217,6 +217,15 @@ def test_only_files_of_oldest_days_are_deleted(tmp_path: Path) -> None:
     assert left == {*(f"journal-{start}.mcap" for start in kept), "mine.mcap"}
 
 
+def test_wrong_later_dates_never_delete_todays_file(tmp_path: Path) -> None:
+    (tmp_path / "journal-2036-01-01_001.mcap").touch()
+    (tmp_path / "journal-2026-02-28_001.mcap").touch()
+    recorder = Recorder(tmp_path, kept=1)
+    assert recorder.journal.path.exists()
+    recorder.journal.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["journal-2026-03-01_001.mcap"]
+
+
 # --- recordings by hand -----------------------------------------------------------------------
 
 
@@ -228,7 +237,10 @@ class Recording(Recorder):
         self.states: list[RecordingState] = []
         self.bookmarks: list[MarkedMoment] = []
         self.now_ns = 10**9
-        self.control = RecordingControl(self.journal, self, lambda: self.now_ns)
+        self.set_back_s = 0.0
+        self.control = RecordingControl(
+            self.journal, self, lambda: self.now_ns, lambda: self.now_ns * 1e-9 + self.set_back_s
+        )
 
     def on_state(self, state: RecordingState) -> None:
         self.states.append(state)
@@ -299,6 +311,13 @@ def test_moment_outside_the_recording_is_rejected(recording: Recording, age_s: f
     recording.now_ns += 5 * 10**9
     assert code(lambda: recording.mark(age_s=age_s)) == "OUT_OF_RANGE"
     assert recording.bookmarks == []
+
+
+def test_clock_set_back_still_allows_bookmarks(recording: Recording) -> None:
+    recording.now_ns -= 5 * 10**8
+    recording.set_back_s = 5.0
+    recording.mark("odd", age_s=0.25)
+    assert [one.at_ns for one in recording.bookmarks] == [250_000_000]
 
 
 def test_request_in_wrong_state_is_rejected_without_change(recording: Recording) -> None:

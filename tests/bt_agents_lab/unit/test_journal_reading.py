@@ -18,6 +18,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, Footer, Header, McapRecord
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
+from rclpy.serialization import serialize_message
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.msg import Bookmark, Scene
@@ -25,10 +26,10 @@ from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
 from bt_agents_lab.recorder import reading
-from bt_agents_lab.recorder.file import LIBRARY, JournalFile
+from bt_agents_lab.recorder.file import LIBRARY, JournalFile, RecordedMessage
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import read
-from journal_fixture import add_messages, morning
+from journal_fixture import add_messages, morning, topic_of
 
 BOOKMARK = "bt_agents_interfaces/msg/Bookmark"
 
@@ -67,6 +68,23 @@ def test_growing_file_is_read_on_from_last_record(tmp_path: Path) -> None:
     copy.write_bytes(bytes(before) + whole[before:])
     assert [one.decode().label for one in reader.further_entries()] == ["more", "more"]
     file.close()
+
+
+def test_clock_set_back_keeps_order_of_messages(tmp_path: Path) -> None:
+    file = JournalFile(tmp_path / "a.mcap")
+    # A latched message that was sent before the clock was set back is received once more.
+    times = (("a", 50, 50), ("b", 60, 60), ("c", 10, 10), ("latched", 58, 11), ("d", 20, 20))
+    for number, (label, sent_s, received_s) in enumerate(times, 1):
+        message = RecordedMessage(
+            topic=topic_of(Bookmark, "/bookmarks"),
+            data=serialize_message(Bookmark(label=label)),
+            sent_ns=sent_s * 10**9,
+            received_ns=received_s * 10**9,
+        )
+        file.add(message, number)
+    file.close()
+    found = [one.decode().label for one in JournalReader([file.path]).entries()]
+    assert found == [label for label, _, _ in times]
 
 
 def test_piece_counts_any_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -409,12 +409,22 @@ def test_recorded_health_with_numeric_level_is_shown(told: Told) -> None:
 
 def test_unreported_health_is_stale_since_last_report(told: Told) -> None:
     told.tell(10.0, 0)
-    told.projection.health.check(10.0 + UNTOLD_S)
-    assert told.level == ("OK", 10.0)
+    for now_s in (10.0, 10.0 + UNTOLD_S):
+        told.projection.health.check(now_s)
+        assert told.level == ("OK", 10.0)
     told.projection.health.check(10.1 + UNTOLD_S)
     assert told.level == ("STALE", 10.0)
     told.tell(20.0, 0)
     assert told.level == ("OK", 20.0)
+
+
+def test_other_clock_does_not_make_health_stale(told: Told) -> None:
+    for now_s in (3600.0, 3601.0, 3602.0):
+        told.tell(now_s - 3600.0, 0)
+        told.projection.health.check(now_s)
+        assert told.level == ("OK", 0.0)
+    told.projection.health.check(3602.1 + UNTOLD_S)
+    assert told.level == ("STALE", 3602.0)
 
 
 def test_health_of_unknown_nodes_is_bounded_and_sanitised(told: Told) -> None:

@@ -104,10 +104,11 @@ class TreeClock:
     def obstacle(self) -> str:
         """Return why time stands still; empty while it passes."""
         source, _ = self._read()
-        published = source is _Source.SIMULATED and self._node.count_publishers("/clock")
-        if source is _Source.STEADY or published:
-            return ""
-        return "use_sim_time is set, but nothing publishes /clock"
+        if source is not _Source.STEADY and not self._node.count_publishers("/clock"):
+            return "use_sim_time is set, but nothing publishes /clock"
+        if source is _Source.NOT_YET:
+            return "use_sim_time is set, but /clock stands at zero"
+        return ""
 
     def _read(self) -> tuple[_Source, float]:
         clock = self._node.get_clock()
