@@ -4,19 +4,15 @@
 from __future__ import annotations
 
 import importlib.util
-import io
 import json
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
-from rich.console import Console
 
 import bench
-import figures
-from figures import BEGIN, END, as_json, markdown, put_into, table
+from figures import BEGIN, END, as_json, put_into
 from measuring import Effort, Row, in_turn
 
 ROOT = Path(__file__).parents[2]
@@ -92,45 +88,6 @@ def test_variants_are_measured_alternately_in_changing_order() -> None:
     assert all(called[int(value) - 1] == name for name in "abc" for value in found[name])
 
 
-def test_table_names_each_case_and_note_once() -> None:
-    rows = [row(note="time goes [there]"), row(side="a peer", goal=1.0, note="time goes [there]")]
-    console = Console(width=120, record=True, file=io.StringIO())
-    console.print(table("hops", rows))
-    text = console.export_text()
-    lines = [" ".join(line.split()) for line in text.splitlines() if "µs" in line]
-    assert lines == [
-        "ours 1) 3 µs 2 … 7 bare 2 µs 1.5 1.5 … 2 ≤ 1.5 met",
-        "a peer 1) 3 µs 2 … 7 bare 2 µs 1.5 1.5 … 2 ≤ 1 missed",
-    ]
-    assert text.count("a hop") == 1
-    assert text.count("time goes [there]") == 1
-
-
-def test_markdown_table_escapes_bars_and_marks_missed_goals() -> None:
-    text = markdown([row(case="a|b"), row(goal=1.0, note="DDS")])
-    assert "| a\\|b | ours | 3 µs | 2 … 7 | bare 2 µs | 1.5 | 1.5 … 2 | ≤ 1.5 met |" in text
-    assert (
-        "| a hop | ours 1) | 3 µs | 2 … 7 | bare 2 µs | 1.5 | 1.5 … 2 | **≤ 1 missed** |" in text
-    )
-    assert text.endswith("\n1) DDS\n")
-
-
-@pytest.mark.parametrize(
-    ("value", "unit", "shown"),
-    [
-        (4e-8, "s", ("40 ns", "40 … 40")),
-        (2.5e-3, "s", ("2.5 ms", "2.5 … 2.5")),
-        (12.0, "s", ("12 s", "12 … 12")),
-        (1234.4, "MiB", ("1,234 MiB", "1,234 … 1,234")),
-    ],
-)
-def test_values_are_written_in_a_readable_unit(
-    value: float, unit: str, shown: tuple[str, str]
-) -> None:
-    one = row(values=[value] * 3, unit=unit, floor="", floor_values=())
-    assert figures.cells(one)[1:3] == shown
-
-
 def test_new_figures_replace_only_old_figures_on_page() -> None:
     page = f"before\n{BEGIN}\nformer\n{END}\nafter\n"
     new = put_into(page, kept(row(), row(goal=1.0, note="DDS")))
@@ -161,63 +118,3 @@ def test_every_named_benchmark_exists_and_is_explained() -> None:
     for name in bench.BENCHMARKS:
         assert importlib.util.find_spec(name) is not None, name
         assert f"`{name}`" in page, name
-
-
-def test_unknown_benchmark_is_refused_with_existing_names() -> None:
-    result = CliRunner().invoke(bench.main, ["tikcing"])
-    assert result.exit_code == 2
-    assert "ticking" in result.output
-
-
-def test_figures_of_other_benchmarks_are_kept(tmp_path: Path) -> None:
-    file = tmp_path / "figures.json"
-    for name, found in (("runs", 1), ("ticking", 2), ("runs", 3)):
-        bench._keep(file, name, {"rows": [found]})
-    found = json.loads(file.read_text())
-    assert found == {"ticking": {"rows": [2]}, "runs": {"rows": [3]}}
-    assert list(found) == ["ticking", "runs"]
-
-
-RAISES = """
-    yield Row(case="c", side="s", values=[1.0])
-    raise LookupError("no such floor")
-"""
-DIES = """
-    yield Row(case="c", side="s", values=[1.0])
-    time.sleep(0.2)
-    os._exit(3)
-"""
-HANGS = """
-    yield Row(case="c", side="s", values=[1.0])
-    try:
-        time.sleep(60)
-    finally:
-        Path(__file__).with_suffix(".ended").touch()
-"""
-GIVES_NOTHING = """
-    yield from ()
-"""
-
-
-@pytest.mark.parametrize(
-    ("body", "rows", "words"),
-    [
-        (RAISES, 1, "LookupError: no such floor"),
-        (DIES, 1, "ended too early"),
-        (HANGS, 1, "longer than 5 s"),
-        (GIVES_NOTHING, 0, "no figures"),
-    ],
-    ids=["raises", "dies", "hangs", "gives nothing"],
-)
-def test_failing_benchmark_reports_reason_and_keeps_figures(
-    body: str, rows: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    head = "import os, time\nfrom pathlib import Path\nfrom measuring import Row\n\n"
-    file = tmp_path / "failing_benchmark.py"
-    file.write_text(f"{head}def measure(effort):{body}")
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(bench, "LIMIT_S", 5.0)
-    found, error = bench._run("failing_benchmark", True, 1)
-    assert len(found) == rows
-    assert words in error
-    assert file.with_suffix(".ended").exists() is (body == HANGS)

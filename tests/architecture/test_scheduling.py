@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from scheduling import ORDERS, Kind, Scheduling, kind_of
+from scheduling import Scheduling
 
 TESTS = [
     *(f"tests/bt_agents/unit/test_{number}.py::test_a" for number in range(40)),
@@ -74,21 +74,3 @@ def test_tests_sharing_expensive_setup_run_on_one_worker() -> None:
     run(scheduling, workers)
     for folder in ("tests/packaging/", "tests/e2e/test_studio.py"):
         assert sum(any(test.startswith(folder) for test in one.done) for one in workers) == 1
-
-
-def test_remaining_workers_take_over_tests_of_crashed_ones() -> None:
-    scheduling, workers = scheduled(*range(len(ORDERS)))
-    items = [scheduling.remove_node(worker) for worker in workers[:-1]]  # type: ignore[arg-type]
-    run(scheduling, workers[-1:])
-    assert all(items)
-    assert sorted(workers[-1].done) == sorted(TESTS)
-
-
-@pytest.mark.parametrize("number", range(5))
-def test_worker_runs_other_kinds_after_its_own(number: int) -> None:
-    scheduling, workers = scheduled(2, 0, 4, 1, 3)
-    [worker] = [one for one in workers if one.gateway.id == f"gw{number}"]
-    run(scheduling, [worker])
-    kinds = [kind_of(test) for test in worker.done]
-    assert kinds == sorted(kinds, key=ORDERS[min(number, 2)].index)
-    assert {*kinds} == {*Kind}

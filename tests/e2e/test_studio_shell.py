@@ -15,15 +15,9 @@ from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 import studio_entries
 from bt_agents_studio.access import SessionRole
-from bt_agents_studio.records import (
-    JournalRecord,
-    MarketRecord,
-    RoundRecord,
-    SceneRecord,
-    TreeRecord,
-)
+from bt_agents_studio.records import MarketRecord, RoundRecord, SceneRecord, TreeRecord
 from studio_browser import box, look_back, open_page, opened_page, strip, wait_for
-from studio_entries import HOST, agent, auction, filled, run, scene, tunable
+from studio_entries import HOST, agent, auction, run, scene, tunable
 from studio_harness import BackgroundStudio, background_studio
 from studio_records import node
 
@@ -331,25 +325,6 @@ def test_half_open_connection_is_shown_soon_and_replaced(
     expect(phase).to_have_text("connected")
     expect(side).to_have_css("opacity", "1")
     expect(strip(page)).to_contain_text("mood 5")
-
-
-def test_opened_pages_are_filled_when_studio_returns(
-    half_open: tuple[Page, SwallowedSocket], running: BackgroundStudio
-) -> None:
-    page, socket = half_open
-    listed = filled(JournalRecord, name="a.mcap")
-    running.studio.journal_list = lambda: [listed]  # type: ignore[method-assign]
-    for name in ("System", "Market", "Live"):
-        open_page(page, name)
-    for name in ("Market", "System"):
-        socket.is_swallowed = True
-        expect(page.locator(".phase")).to_have_text(STALE)
-        page.context.set_offline(True)
-        open_page(page, name)
-        with page.expect_response("**/api/do/strategy" if name == "Market" else "**/api/journals"):
-            socket.is_swallowed = False
-            page.context.set_offline(False)
-    expect(page.get_by_label("Recordings")).to_contain_text("a.mcap")
 
 
 @pytest.mark.parametrize(

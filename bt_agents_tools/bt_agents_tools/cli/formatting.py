@@ -51,6 +51,9 @@ def node_names(received: Iterable[Sequence[Any]], agent: str) -> dict[str, str]:
     return {node.path: node.name for tree in trees if tree.agent == agent for node in tree.nodes}
 
 
+_LONGEST_S = 366 * 86400
+
+
 def moment_text(seconds: float) -> str:
     """Return a moment [s since 1970] as local date and time."""
     return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))
@@ -62,13 +65,10 @@ def clock_text(seconds: float) -> str:
 
 
 def since_text(stamp: Any, now: float) -> str:
-    """Return the time of day since when something holds, and its duration.
-
-    A stamp is zero if simulated time had not begun to pass.
-    """
-    if not (stamp.sec or stamp.nanosec):
-        return "since before simulated time"
+    """Return the time of day since when something holds, and its duration."""
     seconds = max(0, round(now - stamp.sec - stamp.nanosec * 1e-9))
+    if seconds > _LONGEST_S:
+        return f"since {stamp.sec} s of simulated time"
     minutes, rest = divmod(seconds, 60)
     hours, minutes = divmod(minutes, 60)
     parts = ((hours, "h"), (minutes, "min"), (rest, "s"))

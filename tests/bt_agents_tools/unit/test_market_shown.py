@@ -9,7 +9,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_interfaces import msg
@@ -95,25 +94,8 @@ def test_duration_has_at_most_two_units(lasted_s, text):
     assert since_text(to_time(SINCE_S), SINCE_S + lasted_s) == f"since 10:11:12, {text}"
 
 
-def test_state_from_before_simulated_time_has_no_duration():
-    assert since_text(to_time(0.0), SINCE_S) == "since before simulated time"
-
-
-def test_market_time_is_simulated_under_simulated_time():
-    health = [
-        DiagnosticArray(
-            header=header_at(to_time(at_s)), status=[DiagnosticStatus(name=f"{node}: hosts")]
-        )
-        for node, at_s in (("robot1/marketplace", 130.0), ("marketplace", 75.0))
-    ]
-    observer: Any = SimpleNamespace(
-        market=msg.MarketStatus(header=header_at(to_time(60.0))),
-        namespace="/robot1",
-        spin_until=lambda is_done, _limit_s: is_done(),
-    )
-    assert status.market_now(observer, health) == 130.0
-    observer.market.header.stamp = to_time(time.time() - 5.0)
-    assert status.market_now(observer, health) > SINCE_S
+def test_simulated_stamp_has_no_duration():
+    assert since_text(to_time(60.0), SINCE_S) == "since 60 s of simulated time"
 
 
 def test_node_names_come_from_latest_trees_of_agent():

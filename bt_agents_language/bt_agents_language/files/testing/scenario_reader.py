@@ -60,7 +60,6 @@ from bt_agents_language.yaml.field_tables import (
     WordChoice,
     integer,
 )
-from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader, readable
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, several
@@ -259,10 +258,7 @@ class ScenarioReader:
         if node is None:
             return None, None
         if not isinstance(node, MappingNode):
-            present = boolean(node.text) if isinstance(node, Scalar) else None
-            if present is None:
-                self._reading.wrong_type(node, "'person'", "true, false, or {name: …}")
-            return present, None
+            return self._reading.boolean(node, "'person'"), None
         fields = self._reading.keys(node, _PERSON)
         if fields is None:
             return True, None

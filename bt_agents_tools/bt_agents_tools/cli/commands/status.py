@@ -16,7 +16,6 @@ from bt_agents.host.reload.host_card_diff import degraded_reason, problem_text
 from bt_agents.host.run_control import pause_text
 from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_core.text import format_known
-from bt_agents_ros.messages import seconds
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import (
     SOON_S,
@@ -44,7 +43,6 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 _HEALTH_S = 5.0  # `up` publishes the health of its processes within a second of its discovery
-_DAY_S = 86400.0
 _ENDS_SHOWN = 3
 _AGENTS_SHOWN = 50
 _DIFFERS = (
@@ -90,9 +88,7 @@ def status(form: TableForm, shows_all: bool) -> None:
         return
     _print = partial(print_line, fitted_console(form))
     known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
-    _print(
-        "market    ", market_text(market, names, market_now(observer, health), is_end_shown=known)
-    )
+    _print("market    ", market_text(market, names, time.time(), is_end_shown=known))
     if pause is not None:
         by = pause_text(pause.paused_at, pause.author)
         _print("          ", f"{by}, until 'bt-agents resume'")
@@ -177,24 +173,6 @@ def market_text(market: Any, names: SceneLabels, now: float, *, is_end_shown: bo
     if is_end_shown and not market.queued:
         return text
     return f"{text}: {names.with_names(market.message)}"
-
-
-def market_now(observer: Observer, health: Sequence[Any]) -> float:
-    """Return the time by the clock of the market [s since 1970], which may be simulated.
-
-    A time of day that cannot be the market's is replaced by the one of its health.
-    """
-    now = time.time()
-    if 0.0 <= now - seconds(observer.market.header.stamp) <= _DAY_S:
-        return now
-    name = f"{observer.namespace}/marketplace: hosts".lstrip("/")
-
-    def of_market() -> list[float]:
-        parts = ((message.header.stamp, one) for message in health for one in message.status)
-        return [seconds(stamp) for stamp, one in parts if one.name == name]
-
-    observer.spin_until(lambda: bool(of_market()), _HEALTH_S)
-    return (of_market() or [now])[-1]
 
 
 def _node_at_work(observer: Observer) -> str:
