@@ -62,8 +62,8 @@ class JournalEntry:
     Attributes:
         type: ``package/msg/Name``.
         sent_ns: When it was sent, or for a bag without that time, received [ns since 1970].
-        turn_ns: Like ``sent_ns``; at the latest when it was received, if that is known.
-        setbacks: How often the clock of the journal was set back before.
+        turn: How often the clock of a journal was set back before, and ``sent_ns``, or when it was
+            received, if that was earlier; orders all entries.
         lost: Number of messages of its topic that the journal dropped right before it.
         data: Serialized message, as it was sent.
         decoder: Returns the message of ``data`` with its fields as attributes.
@@ -72,8 +72,7 @@ class JournalEntry:
     topic: str
     type: str
     sent_ns: int
-    turn_ns: int
-    setbacks: int
+    turn: tuple[int, int]
     lost: int
     data: bytes
     decoder: Callable[[bytes], Any]
@@ -143,7 +142,6 @@ class _Position:
         whole: End of the last record that was complete [bytes].
         sequences: Number of the last message by channel.
         received_ns: When the last message was received [ns since 1970].
-        setbacks: How often the clock was set back, in this file and those before it.
     """
 
     whole: int = 0
@@ -153,7 +151,6 @@ class _Position:
     is_ours: bool = False
     sequences: dict[int, int] = field(default_factory=dict)
     received_ns: int = 0
-    setbacks: int = 0
 
 
 class JournalReader:
@@ -190,6 +187,7 @@ class JournalReader:
         self.files: list[Path] = []
         self._recorded: dict[Path, RecordedFiles] = {}
         self._positions: dict[Path, _Position] = {}
+        self._setbacks = 0
         self._further: Iterator[JournalEntry] | None = None
         self.is_at_end = False
         self._seen: set[int] = set()
@@ -239,16 +237,13 @@ class JournalReader:
 
     def _unread(self) -> Iterator[JournalEntry]:
         """Yield all messages since the last call, as written."""
-        setbacks = 0
         for path, recorded in self._recorded.items():
             self.problems += recorded.problems
             number = 0
             for file in recorded.paths:
-                at = self._positions.setdefault(file, _Position(setbacks=setbacks))
-                for one in self._of_file(file, at):
+                for one in self._of_file(file):
                     number += 1
                     yield one
-                setbacks = at.setbacks
             if number < (recorded.messages or 0):
                 self.problems.append(
                     f"{path} is said to hold {recorded.messages} messages, found {number}"
@@ -308,20 +303,20 @@ class JournalReader:
             if unknown:
                 self.problems.append(f"{path} holds {unknown} messages of unreadable topics")
 
-    def _of_file(self, path: Path, at: _Position) -> Iterator[JournalEntry]:
+    def _of_file(self, path: Path) -> Iterator[JournalEntry]:
+        at = self._positions.setdefault(path, _Position())
         for one in self._stored(path, at):
             received_ns = one.message.log_time
             # Recorders that do not know the time of sending write 0.
             sent_ns = one.message.publish_time or received_ns
             # Only a journal is known to write messages as it receives them.
-            at.setbacks += one.is_ours and received_ns < at.received_ns - _SETBACK_NS
+            self._setbacks += one.is_ours and received_ns < at.received_ns - _SETBACK_NS
             at.received_ns = received_ns
             yield JournalEntry(
                 topic=one.channel.topic,
                 type=one.schema.name,
                 sent_ns=sent_ns,
-                turn_ns=min(sent_ns, received_ns) if one.is_ours else sent_ns,
-                setbacks=at.setbacks,
+                turn=(self._setbacks, min(sent_ns, received_ns) if one.is_ours else sent_ns),
                 lost=lost_before(one.message, at.sequences) if one.is_ours else 0,
                 data=one.message.data,
                 decoder=one.decoder,
@@ -354,7 +349,7 @@ class JournalReader:
 
         Each of the others is counted.
         """
-        entries.sort(key=lambda entry: (entry.setbacks, entry.turn_ns))
+        entries.sort(key=lambda entry: entry.turn)
         topics = {(one.topic, one.type) for one in entries}
         self._namespaces |= {_namespace_of(*topic) for topic in topics} - {""}
         namespaces = self._namespaces
