@@ -28,7 +28,7 @@ from bt_agents_lab.recorder.recording_control import MarkedMoment, RecordingCont
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.health_publisher import HealthPublisher
-from bt_agents_ros.messages import header_at, to_time
+from bt_agents_ros.messages import answering, header_at, to_time
 from bt_agents_ros.parameters import StartParameter, declare, describe, make_from_parameters
 from bt_agents_ros.spinner import run
 from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, topic_called
@@ -148,7 +148,7 @@ class JournalNode(BaseNode):
 
     def _on_record(self, request: Record.Request, response: Record.Response) -> Record.Response:
         told = {"label": request.label, "notes": request.notes, "author": request.author}
-        try:
+        with answering(response):
             match request.action:
                 case Record.Request.START:
                     response.message = self._control.start(**told)
@@ -160,10 +160,6 @@ class JournalNode(BaseNode):
                     raise Refused(
                         RefusalCode.UNKNOWN_ACTION, f"the action is {other}, expected 0, 1 or 2"
                     )
-        except Refused as refused:
-            response.code, response.message = refused.code, refused.reason
-        else:
-            response.accepted = True
             # A kill must not lose what is acknowledged.
             self.journal.flush(time.time_ns())
             self.get_logger().info(printable(response.message))

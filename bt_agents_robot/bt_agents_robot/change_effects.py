@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether scripted visits reach a run: they are measured, and their changes show in its scene."""
+"""Whether scripted visits reach a run: measured values, changes of its scene, pressed buttons."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.liveness import extended_lease
@@ -94,3 +94,30 @@ def change_text(change: SceneChange) -> str:
     if change.person is not None:
         parts.append("coming" if change.person else "leaving")
     return f"{', '.join(parts)} after {change.after_s:g} s"
+
+
+class ButtonPresses:
+    """Buttons that a visitor will press.
+
+    A ``wait_for`` listens only while it runs, and may start after the words that name a button.
+    """
+
+    def __init__(self) -> None:
+        self._planned: dict[str, float] = {}
+
+    def plan(self, topic: str, at: float) -> None:
+        """Plan to press a button at a time [s]; an already planned one keeps its time."""
+        self._planned.setdefault(topic, at)
+
+    def due(self, now: float, listens: Callable[[str], bool]) -> list[str]:
+        """Return the topics of the buttons to press now, once each; others wait for a listener."""
+        topics = [topic for topic, at in self._planned.items() if now >= at and listens(topic)]
+        for topic in topics:
+            del self._planned[topic]
+        return topics
+
+    def give_up(self, now: float) -> list[str]:
+        """Forget all buttons; return the topics of those without a listener in time."""
+        missed = [topic for topic, at in self._planned.items() if now >= at]
+        self._planned.clear()
+        return missed

@@ -32,8 +32,12 @@ from bt_agents_language.model.scene_specs import (
     path_of,
 )
 from bt_agents_language.model.specs import SceneChange, Script, Visit
-from bt_agents_robot.button_presses import ButtonPresses
-from bt_agents_robot.change_effects import ChangeEffects, unmade_text, unmeasured_text
+from bt_agents_robot.change_effects import (
+    ButtonPresses,
+    ChangeEffects,
+    unmade_text,
+    unmeasured_text,
+)
 from bt_agents_robot.people import (
     REACTION_S,
     check_visitors,

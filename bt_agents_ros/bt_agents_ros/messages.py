@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of scenes and times from and to messages; incoming scenes are validated."""
+"""Conversion of scenes and times from and to messages, and of refusals to responses."""
 
 from __future__ import annotations
 
 import math
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from copy import copy
 from typing import Any
 
@@ -29,6 +30,17 @@ _NUMBERS = ("value", "age_s", "std", "confidence")
 """Fields of a value that are also numbers in its message."""
 
 _ORIGINS = {int(origin): origin for origin in Origin}
+
+
+@contextmanager
+def answering(response: Any) -> Iterator[None]:
+    """Accept a request in its response, or refuse it with the refusal that the block raises."""
+    try:
+        yield
+    except Refused as refused:
+        response.code, response.message = refused.code, refused.reason
+    else:
+        response.accepted = True
 
 
 def seconds(stamp: Any) -> float:

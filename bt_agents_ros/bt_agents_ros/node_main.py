@@ -10,6 +10,9 @@ import sys
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_ros.signals import end_silently
 
+NO_LOG_FILE = ("--ros-args", "--disable-external-lib-logs")
+"""Arguments of a process that leaves no log file in ``~/.ros/log``, and needs no such folder."""
+
 SUPERVISED = "BT_AGENTS_SUPERVISED"
 """Environment variable with the pid of the parent; a node's process ends with it."""
 

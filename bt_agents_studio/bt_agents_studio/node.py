@@ -34,7 +34,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.limits import KIB, MIB, MOST_PARAMETERS
-from bt_agents_ros.log_files import NO_LOG_FILE
+from bt_agents_ros.node_main import NO_LOG_FILE
 from bt_agents_ros.size_check import check_content, largest_bytes
 from bt_agents_ros.spinner import Spinner, starting_ros
 from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, service_called, topic_called

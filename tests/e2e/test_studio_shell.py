@@ -221,14 +221,6 @@ def test_column_keeps_the_width_that_somebody_gave_it(page: Page) -> None:
     expect(edge).to_have_attribute("aria-valuenow", str(round(usual)))
 
 
-def test_mood_is_as_wide_as_its_column(page: Page) -> None:
-    edge = page.get_by_role("separator", name="Width of the right column")
-    drawn = page.locator(".uplot")
-    for key in ("ArrowRight", "ArrowLeft"):
-        edge.press(key)
-        expect(drawn).to_have_js_property("offsetWidth", box(page.locator(".live-plot"))["width"])
-
-
 def test_chosen_place_of_palette_is_in_view(page: Page) -> None:
     page.set_viewport_size({"width": 640, "height": 400})
     page.keyboard.press("Control+k")

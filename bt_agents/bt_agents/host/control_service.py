@@ -14,7 +14,7 @@ from bt_agents_interfaces.msg import Breakpoint
 from bt_agents_interfaces.msg import RunControl as RunControlMsg
 from bt_agents_interfaces.srv import ControlRun
 from bt_agents_ros import qos
-from bt_agents_ros.messages import header_at
+from bt_agents_ros.messages import answering, header_at
 
 _LONGEST_AUTHOR = 100
 
@@ -34,12 +34,8 @@ class ControlService:
     def _control(
         self, request: ControlRun.Request, response: ControlRun.Response
     ) -> ControlRun.Response:
-        try:
+        with answering(response):
             response.message = self._act(request)
-        except Refused as refused:
-            response.code, response.message = refused.code, refused.reason
-            return response
-        response.accepted = True
         return response
 
     def _act(self, request: ControlRun.Request) -> str:

@@ -46,7 +46,7 @@ from bt_agents_ros.discovery import is_matched
 from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.managed_node import ManagedNode, make_managed
-from bt_agents_ros.messages import scene_from_msg
+from bt_agents_ros.messages import answering, scene_from_msg
 from bt_agents_ros.parameters import (
     TREES,
     StartParameter,
@@ -397,7 +397,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         self, request: SetProfile.Request, response: SetProfile.Response
     ) -> SetProfile.Response:
         agent, layer = request.agent, request.layer
-        try:
+        with answering(response):
             if request.remove:
                 self.registry.remove_layer(agent, layer)
                 response.message = f"{agent or 'everybody here'} has no {layer or 'layers'} now"
@@ -405,13 +405,9 @@ class HostNode(ManagedNode[HostConfiguration]):
                 self.registry.set_profile(agent, request.values, request.revision, layer)
                 whose = f" for {layer}" if layer else ""
                 response.message = f"{agent} bids with revision {request.revision}{whose}"
-        except Refused as refused:
-            response.code, response.message = refused.code, refused.reason
-            return response
-        response.accepted = True
-        if not layer and not request.remove:
-            # The feedback node waits for the answer; the card can follow later.
-            self.executor.create_task(self._host_card.card)
+            if not layer and not request.remove:
+                # The feedback node waits for the answer; the card can follow later.
+                self.executor.create_task(self._host_card.card)
         return response
 
     def _beat(self) -> None:

@@ -11,7 +11,7 @@ import rclpy
 
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
-from bt_agents_ros.log_files import NO_LOG_FILE
+from bt_agents_ros.node_main import NO_LOG_FILE
 from bt_agents_ros.spinner import Spinner, starting_ros
 from bt_agents_ros.system_topics import service_called
 from bt_agents_ros.types import load_type

@@ -20,8 +20,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.liveness import LONGEST_PAUSE_S
 from bt_agents_core.text import quote
 from bt_agents_ros.fastdds_profile import PROFILE
-from bt_agents_ros.log_files import NO_LOG_FILE
-from bt_agents_ros.node_main import READY, READY_BYTES, RESTARTED, SUPERVISED
+from bt_agents_ros.node_main import NO_LOG_FILE, READY, READY_BYTES, RESTARTED, SUPERVISED
 from bt_agents_ros.signals import sigint_blocked
 from bt_agents_tools.launcher.fork_server import ForkedProcess, ForkServer
 from bt_agents_tools.launcher.log_files import LogFile, make_log_folder

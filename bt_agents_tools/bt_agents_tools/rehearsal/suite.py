@@ -6,21 +6,22 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.trees_folder import enclosing_folder
+from bt_agents_language.fields.interfaces import Interfaces, OfInstalledPackages
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees
 from bt_agents_language.files.testing.scenarios import AgentTest, AgentTestCase
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_tools.rehearsal.assertions import AssertionFailure, failed_assertions
 from bt_agents_tools.rehearsal.coverage import Coverage, coverage
 from bt_agents_tools.rehearsal.events import Rehearsed
-from bt_agents_tools.rehearsal.installed_types import with_installed_types
 from bt_agents_tools.rehearsal.rehearsal import rehearse
 from bt_agents_tools.rehearsal.transcript import ending, table, transcript
 
@@ -96,7 +97,7 @@ def find_tests(paths: Iterable[Path]) -> list[Path]:
             shown = (one for one in inside if not any(p.startswith(".") for p in one.parts[1:]))
             found |= dict.fromkeys(sorted(shown))
         elif not path.exists():
-            raise BtAgentsError(f"there is no file or folder '{path}'; name files, not agents")
+            raise BtAgentsError(f"there is no file or folder '{path}'")
         elif not path.name.endswith(TEST_SUFFIXES):
             raise BtAgentsError(f"'{path}' is not a test file; its name must end with .test.yaml")
         else:
@@ -227,3 +228,21 @@ def junit(results: Iterable[FileResult]) -> str:
 
 def _clean(text: str) -> str:
     return _NOT_IN_XML.sub("�", text)
+
+
+def installed_types() -> Interfaces | None:
+    """Return the installed ROS types; None without ROS, which leaves types unchecked."""
+    try:
+        from bt_agents_ros.installed import InstalledInterfaces
+    except ImportError:
+        return None
+    return InstalledInterfaces()
+
+
+def with_installed_types(symbols: SymbolTable) -> SymbolTable:
+    """Return symbols for a rehearsal that checks messages against their types.
+
+    Types of packages that are not installed, such as types of a robot elsewhere, stay unchecked.
+    """
+    types = installed_types()
+    return replace(symbols, interfaces=None if types is None else OfInstalledPackages(types))

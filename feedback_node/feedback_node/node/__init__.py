@@ -36,7 +36,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.managed_node import ManagedNode, make_managed
-from bt_agents_ros.messages import scene_from_msg
+from bt_agents_ros.messages import answering, scene_from_msg
 from bt_agents_ros.parameters import TREES, StartParameter, declare_live_lease
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import OneShot, steady_timer
@@ -333,37 +333,27 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
     async def _on_collect(
         self, request: CollectFeedback.Request, response: CollectFeedback.Response
     ) -> CollectFeedback.Response:
-        with self._request():
-            try:
-                ended = collected_from_msg(request, self._space)
-                change = await self._once_known(lambda: self._controller.collect(ended))
-            except Refused as refusal:
-                response.code, response.message = refusal.code, refusal.reason
-                return response
-            response.accepted = True
+        with self._request(), answering(response):
+            ended = collected_from_msg(request, self._space)
+            change = await self._once_known(lambda: self._controller.collect(ended))
             response.applied = change is not None
             if change is None:
                 response.message = taught_text(request.agent, self._controller.taught(ended))
             else:
                 await self._answer(change, response)
-            return response
+        return response
 
     async def _on_give(
         self, request: GiveFeedback.Request, response: GiveFeedback.Response
     ) -> GiveFeedback.Response:
-        with self._request():
-            try:
-                given = given_from_msg(request, self._space)
-                if given.feedback_id:
-                    change = await self._once_known(lambda: self._controller.give(given))
-                else:
-                    change = self._controller.give(given)
-            except Refused as refusal:
-                response.code, response.message = refusal.code, refusal.reason
-                return response
-            response.accepted = True
+        with self._request(), answering(response):
+            given = given_from_msg(request, self._space)
+            if given.feedback_id:
+                change = await self._once_known(lambda: self._controller.give(given))
+            else:
+                change = self._controller.give(given)
             await self._answer(change, response)
-            return response
+        return response
 
     @contextmanager
     def _request(self) -> Iterator[None]:

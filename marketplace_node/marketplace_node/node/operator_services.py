@@ -13,6 +13,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_ros import qos
+from bt_agents_ros.messages import answering
 from marketplace_node.effects import Execute, PreviewEnded
 from marketplace_node.market import Market
 from marketplace_node.node.messages import auction_to_msg, operator_command_from_msg, scene_or_last
@@ -46,22 +47,18 @@ class OperatorServices:
     def _operate(
         self, request: OperateMarket.Request, response: OperateMarket.Response
     ) -> OperateMarket.Response:
-        try:
+        with answering(response):
             command = operator_command_from_msg(request, self._space)
             response.message, effects = self._market.operate(command, time.monotonic())
-        except Refused as refused:
-            response.code, response.message = refused.code, refused.reason
-            return response
-        response.accepted = True
-        action = command.action.name.lower()
-        self._node.get_logger().info(f"{command.who}, {action}: {response.message}")
-        self._execute(effects)
+            action = command.action.name.lower()
+            self._node.get_logger().info(f"{command.who}, {action}: {response.message}")
+            self._execute(effects)
         return response
 
     async def _preview(
         self, request: PreviewAuction.Request, response: PreviewAuction.Response
     ) -> PreviewAuction.Response:
-        try:
+        with answering(response):
             scene = scene_or_last(request.scene, self._space)
             number, effects = self._market.preview(scene, request.strategy, time.monotonic())
             ended = self._waiting[number] = Future()
@@ -69,10 +66,6 @@ class OperatorServices:
             outcome = (await ended).outcome
             if isinstance(outcome, Refused):
                 raise outcome
-        except Refused as refused:
-            response.code, response.message = refused.code, refused.reason
-            return response
-        response.accepted = True
-        response.auction = auction_to_msg(outcome, self._node.get_clock().now().to_msg())
-        response.message = outcome.reason
+            response.auction = auction_to_msg(outcome, self._node.get_clock().now().to_msg())
+            response.message = outcome.reason
         return response

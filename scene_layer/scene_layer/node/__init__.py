@@ -31,7 +31,7 @@ from bt_agents_language.model.specs import Script, Visit
 from bt_agents_ros import qos
 from bt_agents_ros.health_publisher import PERIOD_S, HealthPublisher
 from bt_agents_ros.managed_node import ManagedNode, make_managed
-from bt_agents_ros.messages import header_at, scene_from_msg, scene_to_msg, to_time
+from bt_agents_ros.messages import answering, header_at, scene_from_msg, scene_to_msg, to_time
 from bt_agents_ros.parameters import TREES, StartParameter, declare_and_watch, describe
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import steady_timer
@@ -265,7 +265,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         return response
 
     def _analyze(self, request: Any, response: Any) -> None:
-        try:
+        with answering(response):
             values = check_given(self._spec.space, request.names, request.values)
             if request.person not in _PERSON:
                 raise Refused(
@@ -280,48 +280,40 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
                     "no agent is running and no scene is waiting, so there is nothing to change; "
                     "to start an encounter: bt-agents trigger",
                 )
-        except Refused as refused:
-            response.code, response.message = refused.code, refused.reason
-            return
-        if request.announce:
-            self._begin_visit_by_hand(name)
-            scene, response.kept = self._announce(
-                request.label,
-                values,
-                person,
-                request.urgent,
-                told=request.told,
-                person_id=name or None,
-            )
-            response.message = f"scene {scene.scene_id} announced"
-            if response.kept:
-                response.message = (
-                    f"no marketplace is there: scene {scene.scene_id} is kept for "
-                    f"{KEPT_S:g} s, and announced as soon as there is one"
+            if request.announce:
+                self._begin_visit_by_hand(name)
+                scene, response.kept = self._announce(
+                    request.label,
+                    values,
+                    person,
+                    request.urgent,
+                    told=request.told,
+                    person_id=name or None,
                 )
-        else:
-            scene = self._give(values, person, told=request.told)
-            response.message = _told_of(scene, values)
-        response.accepted = True
-        response.scene = scene_to_msg(scene)
+                response.message = f"scene {scene.scene_id} announced"
+                if response.kept:
+                    response.message = (
+                        f"no marketplace is there: scene {scene.scene_id} is kept for "
+                        f"{KEPT_S:g} s, and announced as soon as there is one"
+                    )
+            else:
+                scene = self._give(values, person, told=request.told)
+                response.message = _told_of(scene, values)
+            response.scene = scene_to_msg(scene)
 
     def _on_remember(self, request: Any, response: Any) -> Any:
-        try:
+        with answering(response):
             given = values_of(request.facts)
             self._memory.remember(request.person_id, given, known=self._estimator.encounters.known)
-        except Refused as refused:
-            response.code, response.message = refused.code, refused.reason
-            return response
-        response.accepted = True
-        response.message = f"remembered of {request.person_id}"
-        if not self._store.lasts:
-            response.message += "; the memory ends with the scene layer"
-            self.get_logger().warning(
-                "this scene layer forgets all values when it ends; its parameter 'memory', or "
-                "bt-agents up --memory, keeps it",
-                once=True,
-            )
-        self._on_change()
+            response.message = f"remembered of {request.person_id}"
+            if not self._store.lasts:
+                response.message += "; the memory ends with the scene layer"
+                self.get_logger().warning(
+                    "this scene layer forgets all values when it ends; its parameter 'memory', or "
+                    "bt-agents up --memory, keeps it",
+                    once=True,
+                )
+            self._on_change()
         return response
 
     def _begin_visit(self, name: str) -> None:

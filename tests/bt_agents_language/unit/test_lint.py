@@ -138,11 +138,6 @@ def test_warning_points_at_speech_and_names_loop():
     assert "{attempts: 3, …}" in warning.hint
 
 
-def test_endless_speech_names_until_as_only_end():
-    (warning,) = lint(agent("repeat: {until: live.mood > 4}\nsay: Hello."))
-    assert "a 'repeat' that only 'until' ends (line 8): " in warning.message
-
-
 def test_hint_for_busy_repeat_keeps_its_until():
     (warning,) = lint(agent("repeat: {until: live.mood > 4}\nlog: again"))
     assert warning.message.endswith("again at every tick, without a pause")

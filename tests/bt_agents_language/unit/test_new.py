@@ -131,13 +131,7 @@ def test_name_of_another_file_is_rejected(made):
 
 
 @pytest.mark.parametrize(
-    ("name", "hint"),
-    [
-        ("Été 2", "; write ete_2"),
-        ("My Agent", "; write my_agent"),
-        ("../x", "; write x"),
-        ("1", ""),
-    ],
+    ("name", "hint"), [("Été 2", "; write ete_2"), ("../x", "; write x"), ("1", "")]
 )
 def test_invalid_name_is_rejected(made, name, hint):
     with pytest.raises(BtAgentsError) as error:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_robot.button_presses import ButtonPresses
+from bt_agents_robot.change_effects import ButtonPresses
 
 
 def test_due_button_is_pressed_once_someone_listens() -> None:

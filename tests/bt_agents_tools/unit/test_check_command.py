@@ -199,7 +199,7 @@ def test_other_scene_files_are_checked_against_known_types(trees):
 @pytest.mark.parametrize(
     ("path", "words"),
     [
-        ("nowhere.yaml", "no file or folder 'nowhere.yaml'; name files, not agents"),
+        ("nowhere.yaml", "there is no file or folder 'nowhere.yaml'"),
         ("loose.yaml", "'loose.yaml' is in no trees folder"),
         ("trees/notes.txt", "'trees/notes.txt' is not a file that the robot reads"),
     ],

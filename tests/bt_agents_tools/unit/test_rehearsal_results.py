@@ -158,15 +158,7 @@ def test_alignment_keeps_all_items_and_pairs_equals(left: list[str], right: list
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
-    [
-        (0.0, "0.0 s"),
-        (59.94, "59.9 s"),
-        (59.96, "1:00.0"),
-        (63.2, "1:03.2"),
-        (3661.0, "1:01:01"),
-        (3719.6, "1:02:00"),
-        (7199.7, "2:00:00"),
-    ],
+    [(59.94, "59.9 s"), (59.96, "1:00.0"), (3661.0, "1:01:01"), (3719.6, "1:02:00")],
 )
 def test_times_use_stopwatch_format(seconds: float, text: str) -> None:
     assert time_text(seconds) == text

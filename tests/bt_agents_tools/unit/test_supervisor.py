@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_ros.log_files import NO_LOG_FILE
+from bt_agents_ros.node_main import NO_LOG_FILE
 from bt_agents_tools.launcher.parameter_file import ParameterFile, read_parameters
 from bt_agents_tools.launcher.supervisor import (
     LAN_PROFILE,

@@ -21,13 +21,7 @@ from hypothesis import strategies as st
 from rich.cells import cell_len
 from rich.console import Console
 
-from bt_agents.host.tuning.tunable import (
-    TICK_RATE,
-    Setting,
-    TunableParameter,
-    parameters_of,
-    profile_values,
-)
+from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableParameter, parameters_of
 from bt_agents_tools.cli.formatting import print_line
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_lines
 from bt_agents_tools.cli.tune_table import table
@@ -149,13 +143,6 @@ def test_agent_rows_follow_host_rows() -> None:
         f"  patience  8 s  2 s to 30 s  {WORDS}",
         f"  place     ''                {WORDS}",
     ]
-
-
-def test_learned_values_have_six_digits() -> None:
-    [learned] = profile_values("a", ("mood",), (0.1 + 0.2,))
-    assert list(table([state(learned, 2.28 + 4e-16)], 10_000))[1] == (
-        "  profile.mood  2.28  file: 0.3  its bid"
-    )
 
 
 @pytest.mark.parametrize("width", [50, 60, 80, 120])

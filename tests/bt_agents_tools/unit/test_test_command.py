@@ -114,7 +114,7 @@ def test_junit_report_is_readable_by_build_servers(trees: Path, tmp_path: Path) 
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("nowhere", "; name files, not agents"), ("scene.yaml", "is not a test file")],
+    [("nowhere", "there is no file or folder"), ("scene.yaml", "is not a test file")],
 )
 def test_path_without_tests_is_refused(trees: Path, name: str, words: str) -> None:
     assert words in str(run(trees / name).exception)

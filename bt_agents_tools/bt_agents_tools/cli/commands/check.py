@@ -28,7 +28,7 @@ from bt_agents_language.tools.folder_check import Checked, check_folder
 from bt_agents_ros.signals import end_silently
 from bt_agents_tools.cli.formatting import counted
 from bt_agents_tools.cli.trees_choice import named_path, take_trees
-from bt_agents_tools.rehearsal.installed_types import installed_types
+from bt_agents_tools.rehearsal.suite import installed_types
 
 
 @click.command()
@@ -146,7 +146,7 @@ def _located(path: Path) -> tuple[Path, Path | None]:
         return path / "trees", None
     # A dangling link exists, and is a problem.
     if not os.path.lexists(path):
-        raise BtAgentsError(f"there is no file or folder '{path}'; name files, not agents")
+        raise BtAgentsError(f"there is no file or folder '{path}'; check the name")
     return enclosing_folder(path), path
 
 

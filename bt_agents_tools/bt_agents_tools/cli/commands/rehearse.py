@@ -31,9 +31,8 @@ from bt_agents_tools.cli.trees_choice import take_trees
 from bt_agents_tools.rehearsal import rehearsal
 from bt_agents_tools.rehearsal.assertions import failed_assertions
 from bt_agents_tools.rehearsal.events import Event, Rehearsed
-from bt_agents_tools.rehearsal.installed_types import with_installed_types
 from bt_agents_tools.rehearsal.rehearsal_scenes import awarded
-from bt_agents_tools.rehearsal.suite import TreesFolders
+from bt_agents_tools.rehearsal.suite import TreesFolders, with_installed_types
 from bt_agents_tools.rehearsal.transcript import WIDTH, ending, lines, style_of, table, tuned_text
 
 _EXAMPLES = """\b
