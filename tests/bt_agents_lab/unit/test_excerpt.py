@@ -54,7 +54,7 @@ def journal(path: Path, *sent: Sent, dropped: Sequence[int] = ()) -> Path:
             topic=recorded_topic(type(message), name),
             data=serialize_message(message),
             sent_ns=at_s * 10**9,
-            received_ns=at_s * 10**9 + 1,
+            received_ns=max(one[0] for one in sent[: place + 1]) * 10**9 + 1,
         )
         file.add(one, numbers[name])
     file.close()
