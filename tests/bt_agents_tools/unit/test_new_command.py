@@ -68,6 +68,7 @@ def test_starting_point_must_be_unique_and_exist() -> None:
     ):
         with pytest.raises(Exception, match=found.replace("?", r"\?")):
             run("new", "mine", *words)
+        assert Path("trees").exists() == ("nobody" in words)
     assert not Path("trees/agents").exists()
 
 

@@ -165,6 +165,8 @@ def new(name: str, directory: Path | None, kind: str, like: str, of_pattern: str
     if kind != "agent" and (like or of_pattern):
         raise BtAgentsError(f"--like and --pattern start an agent, and this is a {kind}")
     _check_name(name)
+    if of_pattern:
+        pattern_file(of_pattern)  # before anything is written
     if directory is None:
         directory = Path("experiments" if kind in ("experiment", "sweep") else "trees")
     if kind in _OTHERS:
