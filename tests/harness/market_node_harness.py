@@ -27,10 +27,14 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_interfaces.srv import CancelRun, RegisterHost
 from bt_agents_ros import qos
-from bt_agents_ros.messages import scene_to_msg
+from bt_agents_ros.messages import scene_to_msg, to_time
 from market_harness import EXPRESS, GUIDE, SPACE, scene
 
 NEAR, FAR = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5)
+
+
+HOST_TIME = to_time(3600.0)
+"""Now by the clock of a fake host, which is not the clock of the market."""
 
 
 def is_recorded(scene_id: str, ends: Sequence[SceneEnd], auctions: Sequence[Auction]) -> bool:
@@ -84,6 +88,7 @@ class FakeHost(Node):
             "parameters": list(SPACE.names),
             "agents": list(self.bids_of),
             "token": self.token,
+            "stamp": HOST_TIME,
         }
         return RegisterHost.Request(**(values | changes))
 

@@ -28,7 +28,7 @@ from bt_agents_interfaces.srv import CollectFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import header_at, scene_to_msg
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, scene
-from market_node_harness import FAR, FakeHost, MarketNodeHarness
+from market_node_harness import FAR, HOST_TIME, FakeHost, MarketNodeHarness
 from marketplace_node.node import MarketplaceNode, read_configuration
 
 SCENE = "format: 1\nparameters:\n  age: {min: 1, max: 5, default: 3}\n"
@@ -250,10 +250,10 @@ def test_challenge_with_silent_host_ends_at_deadline(ros: Any) -> None:
     assert harness.until_event(Run.STARTED, count=2).scene.scene_id == "s2"
 
 
-def earlier_run(harness: MarketNodeHarness, host: FakeHost, cause: int) -> Run:
+def earlier_run(host: FakeHost, cause: int) -> Run:
     """Return a run whose end an earlier market has not received."""
     return Run(
-        header=header_at(harness.market.get_clock().now().to_msg()),
+        header=header_at(HOST_TIME),
         epoch="earlier",
         round=7,
         event=Run.ENDED,
@@ -270,7 +270,7 @@ def earlier_run(harness: MarketNodeHarness, host: FakeHost, cause: int) -> Run:
 
 def test_unreported_run_is_recorded_and_its_scene_retried(harness: MarketNodeHarness) -> None:
     host = harness.ros.add(FakeHost())
-    cut_off = earlier_run(harness, host, Run.MARKET_LOST)
+    cut_off = earlier_run(host, Run.MARKET_LOST)
     spoilt = [Run(), Run(epoch="earlier", round=8, event=Run.ENDED, outcome=77, agent=GUIDE)]
     request = host.request(unreported=[*spoilt, cut_off, cut_off])
     host.take(harness.ros.call(harness.registering, request))
@@ -288,7 +288,7 @@ def test_unreported_run_is_recorded_and_its_scene_retried(harness: MarketNodeHar
 @pytest.mark.parametrize("cause", [Run.NOT_STOPPED, Run.BY_MARKET, Run.BY_HOST, 77])
 def test_deliberately_stopped_run_is_not_restarted(harness: MarketNodeHarness, cause: int) -> None:
     host = harness.ros.add(FakeHost())
-    stopped = earlier_run(harness, host, cause)
+    stopped = earlier_run(host, cause)
     stopped.stopped_by, stopped.stop_reason = Run.OPERATOR, "it is late"
     harness.ros.call(harness.registering, host.request(unreported=[stopped]))
     harness.ros.until(lambda: harness.ends and harness.runs)

@@ -303,6 +303,7 @@ class MarketRegistration:
             parameters=list(self._registry.space.names),
             agents=names,
             unreported=self._unreported.of_others(epoch),
+            stamp=self._node.get_clock().now().to_msg(),
         )
         self._calls.call(
             self._client,

@@ -274,7 +274,7 @@ class HostConnections:
 
     def _take_unreported(self, request: RegisterHost.Request) -> None:
         """Take the valid runs of an earlier market."""
-        now_s = seconds(self._node.get_clock().now().to_msg())
+        now_s = seconds(request.stamp)
         runs = []
         for message in request.unreported:
             try:
