@@ -274,11 +274,10 @@ class HostConnections:
 
     def _take_unreported(self, request: RegisterHost.Request) -> None:
         """Take the valid runs of an earlier market."""
-        now_s = seconds(request.stamp)
         runs = []
         for message in request.unreported:
             try:
-                runs.append(earlier_run_from_msg(message, self._space, now_s))
+                runs.append(earlier_run_from_msg(message, self._space, seconds(request.stamp)))
             except Refused as refused:
                 self._node.get_logger().warning(
                     f"a run that {request.host} had not reported is left out: "

@@ -123,7 +123,7 @@ def test_sweep_page_requires_installed_lab(monkeypatch):
         ("ask", ["${answer} (text) the person's answer"]),
         ("units", ["length mm, cm, m or km, for example 1.5 m; a bare number is in m"]),
         ("expressions", ["lower(text) the text in small letters"]),
-        ("names", ["live.mood live.person live.stale the others have no value"]),
+        ("cancel.by", ["live.mood live.person live.stale the others have no value"]),
         ("tunables", ["tunables key of an agent file Values that may change"]),
         ("tunables", ["tunables: names and tunables", "2, 2.0, 8 s, true, a text."]),
         ("seed", ["seed key below 'cases' of a test file", "seed key of an experiment"]),

@@ -20,6 +20,7 @@ from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import nearest
+from bt_agents_language.fields.scope import GROUPS
 from bt_agents_language.model.specs import SubtreeSpec
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
@@ -88,6 +89,8 @@ def explanation(word: str, symbols: SymbolTable) -> Iterable[Part]:
     if pages:
         # Put an empty line between two of them.
         return (part for one in pages for part in (Text(), *one)[one is pages[0] :])
+    if plain.partition(".")[0] in (*GROUPS, "person"):
+        return explanation("names", symbols)
     # A misspelled node is more likely than a misspelled key or code.
     nodes = node_pages(symbols)
     names = [one.key for one in nodes] + [*TOPICS] + [one.name for _, one in subtrees]
