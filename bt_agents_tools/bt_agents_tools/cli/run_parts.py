@@ -185,15 +185,11 @@ def _check_free(system: SupervisedSystem, names: Sequence[str]) -> None:
     Raises:
         BtAgentsError: A part runs already.
     """
-
-    def taken() -> list[str]:
-        there = system.observer.nodes_there()
-        return [name for name in names if name in there]
-
-    system.spin_until(lambda: bool(taken()), _LOOK_S)
-    if taken() and not system.interrupt:
+    system.spin_until(lambda: not system.observer.nodes_there().isdisjoint(names), _LOOK_S)
+    taken = sorted(system.observer.nodes_there().intersection(names))
+    if taken and not system.interrupt:
         raise BtAgentsError(
-            f"{taken()[0]} already runs on ROS domain {current_domain()}, perhaps on another "
+            f"{taken[0]} already runs on ROS domain {current_domain()}, perhaps on another "
             "machine; end it there, leave it out here, or set ROS_DOMAIN_ID to another number"
         )
 

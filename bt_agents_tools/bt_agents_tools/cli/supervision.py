@@ -62,6 +62,7 @@ class SupervisedSystem:
         self._fleet = fleet
         beating = components.nodes_of(processes, components.BEATING)
         observer.watch_heartbeats(supervisor.on_heartbeat, beating)
+        self._not_beating = components.nodes_of(processes) - beating
         managed = components.nodes_of(processes, components.MANAGED)
         observer.watch_states(supervisor.on_state, managed)
         report = ProcessReport(supervisor.processes, supervisor.unknown_parameters)
@@ -105,6 +106,9 @@ class SupervisedSystem:
 
     def poll(self) -> None:
         """Restart and kill processes as needed, and print what happened since the last call."""
+        # The middleware drops a node that hangs from the graph 20 s later.
+        for name in self._not_beating & self.observer.nodes_there():
+            self.supervisor.on_heartbeat(name)
         events = self.supervisor.poll()
         self.observer.publish_health()
         for line in events:

@@ -28,14 +28,14 @@ MANAGED = (
 """Modules of the nodes that can leave the system and come back on request."""
 
 
-def nodes_of(processes: Iterable[Component], modules: Collection[str]) -> list[str]:
-    """Return the names of those nodes of some processes that run one of some modules."""
-    return [
+def nodes_of(processes: Iterable[Component], modules: Collection[str] = ()) -> set[str]:
+    """Return the names of the nodes of some processes, of all or those of some modules."""
+    return {
         name
         for process in processes
         for name, module in (process.parts or {process.name: process.module}).items()
-        if module in modules
-    ]
+        if not modules or module in modules
+    }
 
 
 def market(

@@ -43,7 +43,7 @@ STOP_LIMIT_S = 5.0
 """Time for the others to stop on a busy machine before they are killed [s]."""
 
 SILENCE_S = 10.0
-"""Time without a heartbeat after which a component that had one counts as hung [s]."""
+"""Time without a sign of life after which a component that gave one counts as hung [s]."""
 
 _NAMESPACE = re.compile(r"/?([A-Za-z]\w*/)*([A-Za-z]\w*)?", re.ASCII)
 _LONGEST_NAMESPACE = 100
@@ -456,7 +456,7 @@ class Supervisor:
             events += self._restart(one, now) if now >= one.restart_at else []
         elif one.last_heartbeat is not None and now - one.last_heartbeat >= SILENCE_S:
             silence_s = now - one.last_heartbeat
-            events.append(f"{name} hangs (no heartbeat for {silence_s:.0f} s): killing it")
+            events.append(f"{name} hangs (not heard for {silence_s:.0f} s): killing it")
             one.last_heartbeat = None
             one.process.kill()
         return events

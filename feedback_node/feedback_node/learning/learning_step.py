@@ -220,7 +220,8 @@ class ParameterRule:
         if self.update is Update.HUBER:
             pull = _clip(pull, -self.width, self.width)
         elif self.update is Update.MEDIAN:
-            goal, away = self._median([*recent, self.requested(kind, p, f)]), False
+            asked = [*recent, self.requested(kind, p, f)][-self.window :]
+            goal, away = median([value for value in asked if not math.isnan(value)]), False
             pull = goal - p
         after = p + rate * pull
         if not away:
@@ -229,9 +230,6 @@ class ParameterRule:
         if not math.isnan(self.drift):
             after = _clip(after, min(p, authored - self.drift), max(p, authored + self.drift))
         return _clip(after, self.low, self.high)
-
-    def _median(self, asked: Sequence[float]) -> float:
-        return median([value for value in asked[-self.window :] if not math.isnan(value)])
 
 
 def parameter_rules(rule: LearningRule, space: SceneSpace) -> tuple[ParameterRule, ...]:

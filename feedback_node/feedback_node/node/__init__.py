@@ -333,26 +333,29 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
     async def _on_collect(
         self, request: CollectFeedback.Request, response: CollectFeedback.Response
     ) -> CollectFeedback.Response:
-        with self._request(), answering(response):
-            ended = collected_from_msg(request, self._space)
-            change = await self._once_known(lambda: self._controller.collect(ended))
-            response.applied = change is not None
-            if change is None:
-                response.message = taught_text(request.agent, self._controller.taught(ended))
-            else:
+        with self._request():
+            with answering(response):
+                ended = collected_from_msg(request, self._space)
+                change = await self._once_known(lambda: self._controller.collect(ended))
+            if response.accepted and change is not None:
+                response.applied = True
                 await self._answer(change, response)
+            elif response.accepted:
+                response.message = taught_text(request.agent, self._controller.taught(ended))
         return response
 
     async def _on_give(
         self, request: GiveFeedback.Request, response: GiveFeedback.Response
     ) -> GiveFeedback.Response:
-        with self._request(), answering(response):
-            given = given_from_msg(request, self._space)
-            if given.feedback_id:
-                change = await self._once_known(lambda: self._controller.give(given))
-            else:
-                change = self._controller.give(given)
-            await self._answer(change, response)
+        with self._request():
+            with answering(response):
+                given = given_from_msg(request, self._space)
+                if given.feedback_id:
+                    change = await self._once_known(lambda: self._controller.give(given))
+                else:
+                    change = self._controller.give(given)
+            if response.accepted:
+                await self._answer(change, response)
         return response
 
     @contextmanager
@@ -426,12 +429,11 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             older_s=request.older_s,
             document=request.document,
         )
-        try:
+        with answering(response):
             done = self._management.execute(command)
-        except Refused as refusal:
+        if not response.accepted:
             # A quote of a document may contain characters that are invalid in messages.
-            response.code = refusal.code
-            response.message = refusal.reason.encode(errors="replace").decode()
+            response.message = response.message.encode(errors="replace").decode()
             return response
         self._untidy = True
         if done.forgets:
@@ -444,7 +446,6 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         for delivery in (*self._profiles.deliveries(done.changes), *done.deliveries):
             self._hosts.deliver(delivery)
         self._publish_table()
-        response.accepted = True
         response.message, response.document = done.message, done.document
         return response
 

@@ -50,6 +50,7 @@ class OperatorServices:
         with answering(response):
             command = operator_command_from_msg(request, self._space)
             response.message, effects = self._market.operate(command, time.monotonic())
+        if response.accepted:
             action = command.action.name.lower()
             self._node.get_logger().info(f"{command.who}, {action}: {response.message}")
             self._execute(effects)

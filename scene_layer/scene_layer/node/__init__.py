@@ -280,26 +280,28 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
                     "no agent is running and no scene is waiting, so there is nothing to change; "
                     "to start an encounter: bt-agents trigger",
                 )
-            if request.announce:
-                self._begin_visit_by_hand(name)
-                scene, response.kept = self._announce(
-                    request.label,
-                    values,
-                    person,
-                    request.urgent,
-                    told=request.told,
-                    person_id=name or None,
+        if not response.accepted:
+            return
+        if request.announce:
+            self._begin_visit_by_hand(name)
+            scene, response.kept = self._announce(
+                request.label,
+                values,
+                person,
+                request.urgent,
+                told=request.told,
+                person_id=name or None,
+            )
+            response.message = f"scene {scene.scene_id} announced"
+            if response.kept:
+                response.message = (
+                    f"no marketplace is there: scene {scene.scene_id} is kept for "
+                    f"{KEPT_S:g} s, and announced as soon as there is one"
                 )
-                response.message = f"scene {scene.scene_id} announced"
-                if response.kept:
-                    response.message = (
-                        f"no marketplace is there: scene {scene.scene_id} is kept for "
-                        f"{KEPT_S:g} s, and announced as soon as there is one"
-                    )
-            else:
-                scene = self._give(values, person, told=request.told)
-                response.message = _told_of(scene, values)
-            response.scene = scene_to_msg(scene)
+        else:
+            scene = self._give(values, person, told=request.told)
+            response.message = _told_of(scene, values)
+        response.scene = scene_to_msg(scene)
 
     def _on_remember(self, request: Any, response: Any) -> Any:
         with answering(response):

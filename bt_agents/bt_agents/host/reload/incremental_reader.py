@@ -150,7 +150,7 @@ class Rereading:
         after = read_agent_file(path, libraries)
         if before is None:
             return after
-        if _is_same(before, after):
+        if (before.text, before.agent, _lines(before)) == (after.text, after.agent, _lines(after)):
             return before
         if before.agent is not None and after.agent is not None:
             # Computed here, in the reading thread, where no callback waits for it.
@@ -176,10 +176,6 @@ def _with_files(before: KnownFiles, files: list[AgentFile], symbols: SymbolTable
         files=tuple(given),
         holders=holders,
     )
-
-
-def _is_same(before: AgentFile, after: AgentFile) -> bool:
-    return (before.text, before.agent, _lines(before)) == (after.text, after.agent, _lines(after))
 
 
 def _lines(file: AgentFile) -> tuple[str, ...]:

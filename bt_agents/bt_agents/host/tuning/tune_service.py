@@ -24,7 +24,7 @@ from bt_agents_core.text import quote
 from bt_agents_interfaces.msg import Preset, TunableInfo, Tunables, Tuning, Tunings
 from bt_agents_interfaces.srv import Tune
 from bt_agents_ros import qos
-from bt_agents_ros.messages import to_time
+from bt_agents_ros.messages import answering, to_time
 from bt_agents_ros.timers import FuturePoller
 
 SOMEBODY = "somebody"
@@ -147,18 +147,16 @@ class TuneServer:
 
     async def _answer(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
         try:
-            done = self._act(request)
-            if done.job is not None:
-                await self._wait_until_saved(done.job)
-        except Refused as refused:
-            response.code, response.message = refused.code, refused.reason
-            return response
+            with answering(response):
+                done = self._act(request)
+                if done.job is not None:
+                    await self._wait_until_saved(done.job)
         except Exception as error:
             self._node.get_logger().error(f"~/tune failed:\n{traceback.format_exc()}")
             response.code = RefusalCode.FAILED
             response.message = f"{type(error).__name__}: {error}; the log says more"
+        if not response.accepted:
             return response
-        response.accepted = True
         response.message = done.message
         if done.revision is not None:
             revision = done.revision
