@@ -11,10 +11,11 @@ import click
 
 from bt_agents_core.errors import BtAgentsError, RefusedElsewhere
 from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_ros.fastdds_profile import PROFILE
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.trees_choice import say_trees_of_system
 from bt_agents_tools.launcher.domain_lock import current_domain, holder, turn_to_join
-from bt_agents_tools.launcher.supervisor import set_discovery
+from bt_agents_tools.launcher.supervisor import LAN_PROFILE, set_discovery
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -75,7 +76,9 @@ def wait_for_market(observer: Observer, domain: int) -> None:
             "a marketplace" if observer.namespace in observer.namespaces_of_markets() else ""
         )
 
-    if observer.spin_until(is_connected, FIND_LIMIT_S):
+    # A network loses messages.
+    is_open = os.environ.get(PROFILE) == str(LAN_PROFILE)
+    if observer.spin_until(is_connected, BUSY_LIMIT_S if is_open else FIND_LIMIT_S):
         return
     if sign() and observer.spin_until(is_connected, BUSY_LIMIT_S - FIND_LIMIT_S):
         return

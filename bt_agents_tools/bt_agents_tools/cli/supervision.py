@@ -109,9 +109,8 @@ class SupervisedSystem:
         # The middleware drops a node that hangs from the graph 20 s later.
         for name in self._not_beating & self.observer.nodes_there():
             self.supervisor.on_heartbeat(name)
-        events = self.supervisor.poll()
         self.observer.publish_health()
-        for line in events:
+        for line in self.supervisor.poll():
             style = "dim" if line.startswith(" ") else "yellow"
             indent = len(line) - len(line.lstrip())
             print_line(self.console, "", Text(line, style=style), indent + INDENT)

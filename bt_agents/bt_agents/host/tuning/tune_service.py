@@ -141,11 +141,11 @@ class TuneServer:
         )
 
     async def _tune(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
-        response = await self._answer(request, response)
+        await self._answer(request, response)
         response.revision = self._store.history.revision
         return response
 
-    async def _answer(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
+    async def _answer(self, request: Tune.Request, response: Tune.Response) -> None:
         try:
             with answering(response):
                 done = self._act(request)
@@ -156,7 +156,7 @@ class TuneServer:
             response.code = RefusalCode.FAILED
             response.message = f"{type(error).__name__}: {error}; the log says more"
         if not response.accepted:
-            return response
+            return
         response.message = done.message
         if done.revision is not None:
             revision = done.revision
@@ -165,7 +165,6 @@ class TuneServer:
             failure = await self._poller.error_of(flushed) if flushed is not None else ""
             if failure:
                 response.message += f"; it is in force, but a power cut may undo it: {failure}"
-        return response
 
     def _act(self, request: Tune.Request) -> _ActionResult:
         act = self._actions.get(request.action)
