@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "harness"))
+sys.path.extend(str(Path(__file__).parents[1] / one) for one in ("scripts", "tests/harness"))
 
 from markdown_table import markdown_table
 
