@@ -100,6 +100,11 @@ class KnownPerson:
     facts: Mapping[str, Fact] = field(default_factory=dict)
     lent: bool = field(default=False, repr=False, compare=False)
 
+    @property
+    def returned(self) -> bool:
+        """Whether the person is kept though not recognised now, from a visit as known by name."""
+        return self.visits > 1 or bool(self.facts)
+
     def copy(self) -> KnownPerson:
         """Return a copy-on-write copy, which later measurements do not change."""
         self.lent = True
@@ -190,7 +195,7 @@ class Memory:
         remembered.seen_at = now
         if measured:
             self._count(place, remembered, measured, now)
-        if (known or remembered.facts) and person not in self._shunned:
+        if (known or remembered.returned) and person not in self._shunned:
             self._persons[person] = remembered
         self._shunned.discard(person)
         self._bound()
@@ -279,13 +284,14 @@ class Memory:
     ) -> tuple[dict[str, KnownPerson], dict[str, KnownPerson]]:
         """Return the persons and places to save, as a copy that does not change.
 
-        Of the present persons, it contains only those ``known`` by name.
+        Of the present persons, it contains only those ``known`` by name, now or at earlier visits.
         """
-        names = set(known) - self._shunned
+        names = set(known)
         persons = {
             person: one.copy()
             for person, one in self._persons.items()
-            if person not in self._visits or person in names
+            if person not in self._shunned
+            and (person not in self._visits or person in names or one.returned)
         }
         return persons, {place: one.copy() for place, one in self._places.items()}
 
@@ -475,8 +481,6 @@ def _plain(known: KnownPerson) -> dict[str, Any]:
 
 
 def _known(document: Mapping[str, Any], space: SceneSpace, now: float) -> dict[str, KnownPerson]:
-    if len(document) > MOST_KNOWN:
-        raise ValueError(f"{len(document)} names, expected {MOST_KNOWN} at most")
     found = {}
     for name, one in document.items():
         if len(name) > LONGEST_NAME:

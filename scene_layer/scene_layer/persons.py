@@ -290,28 +290,32 @@ class Encounters:
         came, gone = self._moved(now)
         self._end_visits(now, held)
         for person in came:
-            if self._away.pop(person, None) is None:
+            if person and person == self._visitor:
+                self._visitor = NOBODY  # from now on the tracker ends the visit
+            elif self._away.pop(person, None) is None:
                 self._memory.came(person, wall)
         for person in self._here:
             if now - self._observed_at.get(person, -math.inf) >= SAMPLE_S:
                 self._observe(person, now, wall)
         for person in gone:
             self._observe(person, now, wall)
-            self._away[person] = _Departure(at=now, wall=wall, place=self._sources.place(now))
+            self._away[person] = self._departure(now, wall)
         self._end_visits(now, held)
         self._forget_others()
         return before != (self._here, self.persons.addressee)
 
     def begin_visit(self, visitor: str, now: float, wall: float) -> None:
-        """Begin the visit of a person named by a script, and end the previous visit.
+        """Begin the visit of a person named by a script or by hand; the previous one has left.
 
         A ``visitor`` without a name is :data:`NOBODY`.
         """
         if self._visitor:
-            self._memory.left(self._visitor, self._sources.place(now), known=True, now=wall)
-            self._names.discard(self._visitor)
+            self._away[self._visitor] = self._departure(now, wall)
         self._visitor = visitor
+        self._end_visits(now, visitor)
         if visitor:
+            if (left := self._away.pop(visitor, None)) is not None:
+                self._memory.left(visitor, left.place, known=True, now=left.wall)
             self._memory.came(visitor, wall)
             self._names.add(visitor)
 
@@ -350,6 +354,9 @@ class Encounters:
         read = self._sources.reading(source, now, person) if source is not None else None
         if read is not None:
             (self._names.add if read.value >= THRESHOLD else self._names.discard)(person)
+
+    def _departure(self, now: float, wall: float) -> _Departure:
+        return _Departure(at=now, wall=wall, place=self._sources.place(now))
 
     def _end_visits(self, now: float, held: str | None) -> None:
         """End the visits of persons who are unlikely to return to them, oldest departure first."""

@@ -495,6 +495,17 @@ def test_absent_person_is_remembered_across_restart(layer: KnownPersonsHarness) 
     assert (scene.visits, scene.remembered) == (2, {"favourite": "tea", "cups": 3.0})
 
 
+def test_unrecognised_moment_does_not_end_memory(layer: KnownPersonsHarness) -> None:
+    layer.meet(0.0, "anna")
+    layer.meet(1.0)
+    layer.meet(2.0 + AWAY_S, "anna")
+    layer.meet(4.0 + AWAY_S, strangers=("anna",))
+    assert layer.estimate.encounters.known == frozenset()
+    assert layer.memory.snapshot()[0]["anna"].visits == 2, "nor in the file meanwhile"
+    layer.meet(5.0 + AWAY_S)
+    assert layer.memory.snapshot()[0]["anna"].visits == 2
+
+
 def test_memory_file_holds_only_values_declared_in_scene() -> None:
     space = KnownPersonsHarness().spec.space
     person = {"visits": 3, "seen_at": 1.0, "values": {}}
@@ -591,3 +602,28 @@ def test_scripted_person_is_known_until_next_visit() -> None:
         assert (scene.person_id, scene.visits, scene.remembered) == (visitor, visits, remembered)
         if visits == 1:
             layer.remember("anna", favourite="tea")
+
+
+def test_announced_person_stays_known_during_their_run(layer: KnownPersonsHarness) -> None:
+    encounters = layer.estimate.encounters
+    encounters.begin_visit("anna", 0.0, 1000.0)
+    layer.estimate.begin("s", "", {}, True, 0.0, person_id="anna")
+    layer.running = "s"
+    encounters.begin_visit("ben", 1.0, 1001.0)
+    layer.look(2.0 + AWAY_S)
+    assert layer.scene().visits == 1
+    layer.remember("anna", favourite="tea")
+    assert layer.scene().remembered == {"favourite": "tea"}
+
+
+def test_camera_continues_visit_of_announced_person(layer: KnownPersonsHarness) -> None:
+    encounters = layer.estimate.encounters
+    encounters.begin_visit("anna", 0.0, 1000.0)
+    layer.meet(1.0, "anna")
+    encounters.begin_visit("", 1.5, 1001.5)
+    assert layer.announce("s").visits == 1
+    layer.meet(2.0)
+    encounters.begin_visit("anna", 3.0, 1003.0)
+    layer.look(3.0 + AWAY_S)
+    assert encounters.known == {"anna"}
+    assert layer.memory.visits("anna") == 2
