@@ -16,6 +16,7 @@ from bt_agents_core.person_facts import Fact, fact, facts, has_type
 from bt_agents_core.private_files import make_private_file, make_private_folder
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.text import folded
 
 MOST_KNOWN = 1000
 """Most persons, and most places, in memory; the one not seen for longest is dropped first."""
@@ -261,21 +262,21 @@ class Memory:
         self.changes += 1
 
     def forget(self, *, person: str = "", place: str = "") -> bool:
-        """Forget a person or a place; return whether anything was known.
+        """Forget a person, in any spelling, or a place; return whether anything was known.
 
         Nothing is remembered about a present person until the end of the visit.
         """
         if place:
             found = self._places.pop(place, None) is not None
         else:
-            one = self._persons.get(person, KnownPerson())
-            found = bool(one.values or one.facts)
-            if person in self._visits:
-                self._shunned.add(person)
-                self._persons[person] = KnownPerson(visits=1)
-                self._visits[person] = set()
-            else:
-                self._persons.pop(person, None)
+            found = False
+            for name in spellings(person, self._persons):
+                one = self._persons.pop(name)
+                found = found or bool(one.values or one.facts)
+                if name in self._visits:
+                    self._shunned.add(name)
+                    self._persons[name] = KnownPerson(visits=1)
+                    self._visits[name] = set()
         self.changes += 1
         return found
 
@@ -444,7 +445,9 @@ def forget_in_file(path: Path, person: str) -> bool:
         return False
     try:
         document = json.loads(text)
-        known = document["persons"].pop(person, None) is not None
+        known = spellings(person, document["persons"])
+        for name in known:
+            del document["persons"][name]
         places = document["places"]
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise DamagedMemoryError(
@@ -455,7 +458,12 @@ def forget_in_file(path: Path, person: str) -> bool:
         rest = f"{_HEAD}{_json(document['persons'])}{_MIDDLE}{_json(places)}}}\n"
         make_private_file(path)
         write_atomically(path, rest)
-    return known
+    return bool(known)
+
+
+def spellings(person: str, names: Iterable[str]) -> list[str]:
+    """Return the names that differ from a person's only in case or the encoding of accents."""
+    return [name for name in names if folded(name) == folded(person)]
 
 
 def set_aside(path: Path) -> Path:

@@ -12,6 +12,7 @@ from typing import Any
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.text import folded
 from feedback_node.learning.profiles import Delivery, ProfileChange, Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.rows import FLEET, IMPORT, ProfileRevision, check_texts
@@ -218,7 +219,9 @@ class Management:
                 "not forgotten, 'bt-agents profile reset' brings back the profile of the file",
             )
         found = [
-            one for one in self._documents.layers_of(command.agent) if one.layer == command.layer
+            one
+            for one in self._documents.layers_of(command.agent)
+            if folded(one.layer) == folded(command.layer)
         ]
         if not found:
             raise self._documents.unknown(command.agent, command.layer)

@@ -13,7 +13,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.profile_layers import PERSON, PLACE
+from bt_agents_core.profile_layers import LONGEST_LAYER, PERSON, PLACE
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.worker_thread import WorkerThread
@@ -25,7 +25,7 @@ from scene_layer.memory import DamagedMemoryError, Memory, read_memory, save_mem
 SAVE_S = 10.0
 """Time between two saves of changes [s]; changes are also saved at the end."""
 
-_SHOWN = 100
+_SHOWN = LONGEST_LAYER
 
 
 class MemoryStore:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -93,7 +94,53 @@ def test_person_is_removed_from_every_file_and_reported(kept: StateFolder) -> No
     again = forget(kept, "--yes")
     assert again.exit_code == 0
     removed = [line.split(": ")[1].split()[0] for line in again.stdout.splitlines()]
-    assert removed == ["0", "nothing", "0", "0"]
+    assert removed == ["0", "nothing", "0", "0", "0"]
+
+
+def test_person_is_forgotten_in_any_spelling(kept: StateFolder) -> None:
+    carlas = (("person/CARLA", "CARLA"), ("person/carla\u0301", "carla\u0301"))
+    with Ledger(kept.ledger) as ledger:
+        for layer, _ in carlas:
+            ledger.append("anna", {"age": 2.0}, RevisionCause(cause=LAYER), layer=layer)
+    known = KnownPerson(visits=2)
+    save_memory(kept.memory, {"Carla": known, **{name: known for _, name in carlas}}, {})
+    result = split_runner().invoke(
+        bt_agents, ["forget", " Carla ", "--state", str(kept.path), "--yes"]
+    )
+    assert result.exit_code == 0, result.output
+    assert list(json.loads(kept.memory.read_text())["persons"]) == ["carla\u0301"]
+    with Ledger(kept.ledger) as ledger:
+        layers = {one.layer for one in ledger.layers("anna")}
+    assert layers == {"person/dora", "person/carla\u0301"}
+    assert places(kept, "carla") == []
+
+
+def test_waiting_scenes_and_reasons_are_forgotten(kept: StateFolder) -> None:
+    said = {"bert": "eva vetoes bert: Carla is afraid of it", "anna": "eva vetoes anna"}
+    orders = {"pinned": {"agent": "carla", "words": "eva pins carla"}, "vetoed": said, "runs": {}}
+    kept.orders.write_text(json.dumps(orders))
+    scenes = [{"scene": {"person_id": name, "remembered": {}}} for name in ("carla", "dora")]
+    kept.scenes.write_text(json.dumps({"scenes": scenes, "taken": ["1"], "hosts": ["/carla"]}))
+    result = forget(kept, "--yes")
+    assert result.exit_code == 0, result.output
+    assert f"market: 3 records removed from {kept.path}" in result.stdout
+    assert json.loads(kept.scenes.read_text()) == {
+        "scenes": scenes[1:], "taken": ["1"], "hosts": ["/carla"],
+    }  # fmt: skip
+    assert json.loads(kept.orders.read_text()) == {
+        "pinned": {"agent": "carla", "words": "(forgotten)"},
+        "vetoed": {"bert": "(forgotten)", "anna": "eva vetoes anna"},
+        "runs": {},
+    }
+
+
+def test_damaged_memory_beside_is_left_and_named(kept: StateFolder) -> None:
+    aside = kept.memory.with_name("people.json.damaged")
+    aside.write_text('{"persons": {"carla": ')
+    kept.memory.with_name("people.json.damaged1").write_text("dora")
+    result = forget(kept, "--yes")
+    assert result.exit_code == 1
+    assert f"files beside it name the person; delete them: {aside}\n" in result.stderr
 
 
 def test_journal_keeps_other_rounds_and_counts_removed_messages(kept: StateFolder) -> None:
@@ -173,6 +220,9 @@ def test_emptied_file_is_deleted(tmp_path: Path) -> None:
         ("7", "person/7 is forgotten", True),
         ("7", "7 bids in 0.7 s, round 7", False),
         ("a.b", "aXb", False),
+        ("Zoe\u0308", "Zo\u00eb comes", True),
+        ("Zo\u00eb", "Zoe\u0308 comes", True),
+        ("Zo\u00eb", '{"label": "ZOE\\u0308"}', True),
     ],
 )
 def test_person_is_matched_by_whole_word(name: str, text: str, is_named: bool) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -11,18 +12,22 @@ from typing import Any
 
 import click
 
+from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError, Refused, RefusedElsewhere
 from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.person_mention import PersonMention
 from bt_agents_core.profile_layers import PERSON, checked_layer
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.state_folder import StateFolder
-from bt_agents_core.text import join_first
+from bt_agents_core.text import folded, join_first
 from bt_agents_tools.cli.commands.tune import author_option
 from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.formatting import counted
 from bt_agents_tools.cli.trees_choice import kept_state, state_option
 from bt_agents_tools.launcher.log_files import erase_lines, log_home
+
+_ABOUT_PERSONS = ("scenes", "ends", "run_ends", "pinned", "vetoed")
+"""Parts of the market's files whose texts may name persons."""
 
 
 @click.command()
@@ -41,15 +46,16 @@ def forget(
     For example: bt-agents forget anna. It cannot be undone, and says what it has removed where.
     Exports, copies and backups are not reached. Exit code 1 means that something is left.
     """
-    layer = checked_layer(f"{PERSON}/{person.removeprefix(f'{PERSON}/')}")
-    mention = PersonMention(layer.partition("/")[2])
+    mention = PersonMention(person.strip().removeprefix(f"{PERSON}/"))
+    layer = checked_layer(f"{PERSON}/{mention.name}")
     kept = kept_state(state)
     if not yes:
         click.confirm(f"remove {mention.name} from all that is kept, for ever?", abort=True)
     runs, left = _ask_system(layer, author)
     places: dict[str, Callable[[], str]] = {
         "ledger": lambda: _from_ledger(Path(ledger or kept.ledger), layer, author, runs),
-        "memory": lambda: _from_memory(Path(memory or kept.memory), mention.name),
+        "memory": lambda: _from_memory(Path(memory or kept.memory), mention),
+        "market": lambda: _from_market(kept, mention, runs),
         "journals": lambda: _from_journals(Path(journal or kept.journal), mention),
         # Last, because the nodes log whom they have forgotten.
         "logs": lambda: _from_logs(kept, state, mention),
@@ -97,26 +103,74 @@ def _from_ledger(file: Path, layer: str, author: str, runs: bool) -> str:
         return f"nothing was learned yet, there is no {file}"
     try:
         with Ledger(file) as ledger:
-            agents = [
-                agent
+            found = [
+                (agent, one.layer)
                 for agent in ledger.agents()
-                if any(one.layer == layer for one in ledger.layers(agent))
+                for one in ledger.layers(agent)
+                if folded(one.layer) == folded(layer)
             ]
-            delayed = ledger.forget([(agent, layer) for agent in agents], source=author)
+            delayed = ledger.forget(found, source=author)
     except Refused as refused:
         if runs and refused.code == RefusalCode.LEDGER_IN_USE:
             return "the feedback node has it, see above"
         raise
     if delayed:
         raise BtAgentsError(f"traces stay in free parts of {file}: {delayed}; try again")
-    return f"{counted(len(agents), 'profile')} removed from {file}"
+    return f"{counted(len(found), 'profile')} removed from {file}"
 
 
-def _from_memory(file: Path, person: str) -> str:
+def _from_memory(file: Path, person: PersonMention) -> str:
     from scene_layer.memory import forget_in_file
 
-    found = forget_in_file(file, person)
-    return f"{person} is removed from {file}" if found else f"nothing is known in {file}"
+    found = forget_in_file(file, person.name)
+    done = f"{person.name} is removed from {file}" if found else f"nothing is known in {file}"
+    # Damaged files that were set aside, and new ones of a process that was killed.
+    others = {*file.parent.glob(f"{file.name}.*"), *file.parent.glob(f".{file.name}.*")}
+    names = [one for one in others if person.is_in(one.read_text("utf-8", errors="replace"))]
+    if names:
+        listed = join_first(str(one) for one in sorted(names))
+        raise BtAgentsError(f"{done}, but files beside it name the person; delete them: {listed}")
+    return done
+
+
+def _from_market(kept: StateFolder, person: PersonMention, runs: bool) -> str:
+    """Remove scenes about a person, and texts of orders that name them."""
+    removed = 0
+    for file in (kept.scenes, kept.orders):
+        if not file.exists():
+            continue
+        try:
+            stored = json.loads(file.read_text("utf-8"))
+            about = {key: stored[key] for key in _ABOUT_PERSONS if key in stored}
+            rest, number = _without(about, person)
+        except (ValueError, TypeError, RecursionError):
+            raise BtAgentsError(f"{file} cannot be read, and may name the person") from None
+        if number and runs:
+            raise BtAgentsError(
+                f"{file} names the person, and is being used; end that system and try again"
+            )
+        if number:
+            write_atomically(file, json.dumps({**stored, **rest}, ensure_ascii=False))
+            removed += number
+    return f"{counted(removed, 'record')} removed from {kept.path}"
+
+
+def _without(stored: Any, person: PersonMention) -> tuple[Any, int]:
+    """Return a document without entries of lists, and texts, that name a person; count them."""
+    if isinstance(stored, str) and person.is_in(stored):
+        return "(forgotten)", 1
+    if isinstance(stored, dict):
+        found = {
+            key: _without(value, person)
+            for key, value in stored.items()
+            if key not in ("agent", "host")
+        }
+        rest = stored | {key: one for key, (one, _) in found.items()}
+        return rest, sum(number for _, number in found.values())
+    if isinstance(stored, list):
+        items = [(one, _without(one, person)[1]) for one in stored]
+        return [one for one, number in items if not number], sum(bool(n) for _, n in items)
+    return stored, 0
 
 
 def _from_journals(folder: Path, person: PersonMention) -> str:
