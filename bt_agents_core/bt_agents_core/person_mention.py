@@ -24,7 +24,7 @@ class PersonMention:
         cases = (name, name.lower(), name.upper(), name.title())
         escaped = {json.dumps(normalize(f, one))[1:-1] for one in cases for f in ("NFC", "NFD")}
         quoted = json.dumps(name, ensure_ascii=False)[1:-1]
-        self._forms = {folded(form) for form in (name, quoted, *escaped)}
+        self._forms = {folded(form) for form in (name, quoted, repr(name)[1:-1], *escaped)}
         either = "|".join(re.escape(form) for form in sorted(self._forms))
         has_letter = any(character.isalpha() for character in name)
         before = r"(?<!\w)" if has_letter else r"(?:\A|\bperson/)"

@@ -128,8 +128,8 @@ def test_waiting_scenes_and_reasons_are_forgotten(kept: StateFolder) -> None:
         "scenes": scenes[1:], "taken": ["1"], "hosts": ["/carla"],
     }  # fmt: skip
     assert json.loads(kept.orders.read_text()) == {
-        "pinned": {"agent": "carla", "words": "(forgotten)"},
-        "vetoed": {"bert": "(forgotten)", "anna": "eva vetoes anna"},
+        "pinned": {"agent": "carla", "words": "(reason forgotten)"},
+        "vetoed": {"bert": "(reason forgotten)", "anna": "eva vetoes anna"},
         "runs": {},
     }
 
@@ -220,6 +220,7 @@ def test_emptied_file_is_deleted(tmp_path: Path) -> None:
         ("7", "person/7 is forgotten", True),
         ("7", "7 bids in 0.7 s, round 7", False),
         ("a.b", "aXb", False),
+        ('O\'Neil "Bo"', repr('O\'Neil "Bo"') + " stands twice", True),
         ("Zoe\u0308", "Zo\u00eb comes", True),
         ("Zo\u00eb", "Zoe\u0308 comes", True),
         ("Zo\u00eb", '{"label": "ZOE\\u0308"}', True),

@@ -147,7 +147,8 @@ def _from_market(kept: StateFolder, person: PersonMention, runs: bool) -> str:
             raise BtAgentsError(f"{file} cannot be read, and may name the person") from None
         if number and runs:
             raise BtAgentsError(
-                f"{file} names the person, and is being used; end that system and try again"
+                f"{file} names the person, and is being used; try again after the end of "
+                "the scene, the veto or that system"
             )
         if number:
             write_atomically(file, json.dumps({**stored, **rest}, ensure_ascii=False))
@@ -158,7 +159,7 @@ def _from_market(kept: StateFolder, person: PersonMention, runs: bool) -> str:
 def _without(stored: Any, person: PersonMention) -> tuple[Any, int]:
     """Return a document without entries of lists, and texts, that name a person; count them."""
     if isinstance(stored, str) and person.is_in(stored):
-        return "(forgotten)", 1
+        return "(reason forgotten)", 1
     if isinstance(stored, dict):
         found = {
             key: _without(value, person)
