@@ -329,14 +329,14 @@ def _nobody_known(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
     if not uses:
         return
     position, first = uses[0]
-    does = f"'{first}' keeps nothing" if first == REMEMBER.key else f"'{first}' is always missing"
+    does = f"'{first}' keeps nothing" if first == REMEMBER.key else f"'{first}' is missing"
     yield warning(
         "nobody-known",
         position,
         1,
-        f"scene.yaml has no 'persons' with 'known', so nobody is known by name and {does}",
-        "declare 'persons' in scene.yaml; else only visitors with a 'name' in a script that the "
-        "scene layer plays itself are known",
+        f"scene.yaml has no 'persons' with 'known', so no sensor names anybody and {does}",
+        "declare 'persons' in scene.yaml; else only persons are known whom "
+        "'bt-agents trigger --name' or a script of the scene layer announces",
     )
 
 

@@ -28,7 +28,7 @@ from bt_agents_tools.cli.aside_output import printing_aside
 from bt_agents_tools.cli.connection import new_observer
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.fleet_plan import FleetPlan
-from bt_agents_tools.cli.formatting import INDENT, print_line
+from bt_agents_tools.cli.formatting import INDENT, counted, print_line
 from bt_agents_tools.cli.run_parts import hold_parts, read_agents
 from bt_agents_tools.cli.supervision import POLL_S, SupervisedSystem
 from bt_agents_tools.launcher import components
@@ -184,7 +184,7 @@ def run_system(
 
                 printer.profiles(profiles_by_agent(observer.profiles))
                 names = [agent.title for card in observer.cards.values() for agent in card.agents]
-                agents = f"{len(names)} agents ({', '.join(names)})"
+                agents = f"{counted(len(names), 'agent')} ({', '.join(names)})"
                 system.print_ready(f"one robot, {agents}", begun_s)
                 _print_problems(console, observer.cards.values())
                 _print_kept_orders(console, observer.market)
