@@ -12,6 +12,7 @@ from typing import Any
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.text import join_first
 from feedback_node.ledger.file import damaged, unread
 from feedback_node.ledger.rows import (
     AUTHORED,
@@ -189,7 +190,7 @@ class LedgerReader:
                 RefusalCode.UNKNOWN_AGENT, f"the ledger has no agent '{agent}'; enter it first"
             )
         if last is None:
-            known = ", ".join(row.layer for row in self.layers(agent)) or "none"
+            known = join_first(row.layer for row in self.layers(agent)) or "none"
             raise Refused(
                 RefusalCode.UNKNOWN_LAYER, f"{agent} has no layer '{layer}'; it has: {known}"
             )

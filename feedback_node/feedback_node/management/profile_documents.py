@@ -13,6 +13,7 @@ from typing import Any
 from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_core.scene import SceneSpace, finite_or_none
+from bt_agents_core.text import join_first
 from feedback_node.learning import learning_step
 from feedback_node.learning.layers import past_targets
 from feedback_node.ledger.file import connect, inspect
@@ -103,7 +104,7 @@ class ProfileDocuments:
         if agent and agent not in agents:
             known = ", ".join(agents) or "none yet"
             return Refused(RefusalCode.UNKNOWN_AGENT, f"no agent '{agent}'; known are: {known}")
-        known = ", ".join(sorted({one.layer for one in self.layers_of(agent)})) or "none"
+        known = join_first(sorted({one.layer for one in self.layers_of(agent)})) or "none"
         return Refused(RefusalCode.UNKNOWN_LAYER, f"no layer '{layer}'; there are: {known}")
 
     def _selected(self, agent: str, layer: str) -> list[ProfileRevision]:

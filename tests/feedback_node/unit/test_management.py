@@ -83,6 +83,13 @@ def test_export_holds_one_persons_profiles_with_history(managed):
         managed.execute(ManagementAction.EXPORT, layer="person/bob")
 
 
+def test_unknown_layer_does_not_list_every_person(managed):
+    for number in range(50):
+        managed.teach_layer(f"person/p{number:02}")
+    with pytest.raises(Refused, match=r"p02, person/p03 and 46 more$"):
+        managed.execute(ManagementAction.FORGET, layer="person/bob")
+
+
 GOOD = {"agent": "guide", "layer": "", "values": {"age": 3.0, "mood": 3.0}}
 
 
