@@ -126,11 +126,18 @@ def _from_memory(file: Path, person: PersonMention) -> str:
     done = f"{person.name} is removed from {file}" if found else f"nothing is known in {file}"
     # Damaged files that were set aside, and new ones of a process that was killed.
     others = {*file.parent.glob(f"{file.name}.*"), *file.parent.glob(f".{file.name}.*")}
-    names = [one for one in others if person.is_in(one.read_text("utf-8", errors="replace"))]
+    names = [one for one in others if one.is_file() and _mentions(one, person)]
     if names:
         listed = join_first(str(one) for one in sorted(names))
         raise BtAgentsError(f"{done}, but files beside it name the person; delete them: {listed}")
     return done
+
+
+def _mentions(file: Path, person: PersonMention) -> bool:
+    try:
+        return person.is_in(file.read_text("utf-8", errors="replace"))
+    except FileNotFoundError:  # a running scene layer has put it in place meanwhile
+        return False
 
 
 def _from_market(kept: StateFolder, person: PersonMention, runs: bool) -> str:
