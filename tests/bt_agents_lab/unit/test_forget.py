@@ -134,6 +134,11 @@ def test_waiting_scenes_and_reasons_are_forgotten(kept: StateFolder) -> None:
     }
 
 
+def test_empty_file_of_market_names_nobody(kept: StateFolder) -> None:
+    kept.scenes.touch()
+    assert forget(kept, "--yes").exit_code == 0
+
+
 def test_damaged_memory_beside_is_left_and_named(kept: StateFolder) -> None:
     aside = kept.memory.with_name("people.json.damaged")
     aside.write_text('{"persons": {"carla": ')

@@ -147,7 +147,7 @@ def _from_market(kept: StateFolder, person: PersonMention, runs: bool) -> str:
         if not file.exists():
             continue
         try:
-            stored = json.loads(file.read_text("utf-8"))
+            stored = json.loads(file.read_text("utf-8") or "{}")
             about = {key: stored[key] for key in _ABOUT_PERSONS if key in stored}
             rest, number = _without(about, person)
         except (ValueError, TypeError, RecursionError):
