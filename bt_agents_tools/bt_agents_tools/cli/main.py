@@ -12,13 +12,14 @@ from contextlib import ExitStack
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
+from operator import attrgetter
 from typing import NamedTuple
 
 import click
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.optional_packages import how_to_install
-from bt_agents_core.text import printable_lines
+from bt_agents_core.text import printable_line, printable_lines
 from bt_agents_ros.signals import interruptible, loading
 from bt_agents_ros.workarounds.bounded_end import limit_end
 from bt_agents_tools.cli.terminal import OutputLost, os_error_text, prepare_streams
@@ -35,7 +36,7 @@ class CommandEntry(NamedTuple):
 
     def load(self) -> object:
         """Return the command."""
-        return getattr(import_module(self.module), self.function)
+        return attrgetter(self.function)(import_module(self.module))
 
 
 TASKS: Mapping[str, Mapping[str, str]] = {
@@ -162,11 +163,12 @@ class LazyGroup(click.Group):
         try:
             with loading():
                 command = entry.load()
-        except ModuleNotFoundError as error:
+            if not isinstance(command, click.Command):
+                raise TypeError(f"it is a {type(command).__name__}, expected a click.Command")
+        except (Exception, SystemExit) as error:
             if cmd_name in COMMANDS:
                 raise
-            command = _unavailable(cmd_name, (error.name or "").partition(".")[0])
-        assert isinstance(command, click.Command)
+            command = _unavailable(cmd_name, _obstacle(entry, error))
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -184,7 +186,7 @@ class LazyGroup(click.Group):
     def _help(self, ctx: click.Context, name: str) -> str:
         """Return the help of a command from its source, because loading all commands is slow."""
         entry = all_commands()[name]
-        for node in ast.parse(_source(entry.module)).body:
+        for node in _statements(entry.module):
             if isinstance(node, ast.FunctionDef) and node.name == entry.function:
                 return ast.get_docstring(node) or ""
         command = self.get_command(ctx, name)
@@ -201,28 +203,38 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
 
-def _source(module: str) -> str:
-    """Return the source of a module without loading it; empty if there is none."""
+def _statements(module: str) -> Sequence[ast.stmt]:
+    """Return the statements of a module without loading it; none if they cannot be read."""
     try:
         spec = find_spec(module)
-    except ModuleNotFoundError:
-        return ""
-    get_source = getattr(spec and spec.loader, "get_source", None)
-    return (get_source and get_source(module)) or ""
+        get_source = getattr(spec and spec.loader, "get_source", None)
+        return ast.parse((get_source and get_source(module)) or "").body
+    except (Exception, SystemExit):
+        # Even the package around a module of somebody else may raise anything.
+        return ()
 
 
-def _unavailable(name: str, package: str) -> click.Command:
-    """Return a placeholder for a command whose packages are not all installed."""
+def _obstacle(entry: CommandEntry, error: BaseException) -> str:
+    """Return why a command of another package cannot be loaded."""
+    if isinstance(error, ModuleNotFoundError) and entry.module.startswith("bt_agents_"):
+        package = (error.name or "").partition(".")[0]
+        return f"this command needs the package {package}; {how_to_install(package)}"
+    reason = f"{type(error).__name__}: {printable_line(str(error))}"
+    return f"this command cannot be loaded from {entry.module}: {reason}"
+
+
+def _unavailable(name: str, obstacle: str) -> click.Command:
+    """Return a placeholder for a command that cannot be loaded."""
 
     def refuse(rest: tuple[str, ...]) -> None:
-        raise BtAgentsError(f"this command needs the package {package}; {how_to_install(package)}")
+        raise BtAgentsError(obstacle)
 
     return click.Command(
         name,
         callback=refuse,
         params=[click.Argument(["rest"], nargs=-1, type=click.UNPROCESSED)],
         context_settings={"ignore_unknown_options": True},
-        help=f"It needs the package {package}; {how_to_install(package)}.",
+        help=f"Not available: {obstacle}.",
     )
 
 
@@ -278,8 +290,10 @@ def _run(connections: ExitStack) -> int:
     except OSError as error:
         return _failed(os_error_text(error))
     except SystemExit as end:
+        if isinstance(end.code, str):
+            return _failed(end.code)
         code = end.code
-    return int(code or 0)
+    return code if isinstance(code, int) else 0
 
 
 def _check_arguments(arguments: Sequence[str]) -> None:

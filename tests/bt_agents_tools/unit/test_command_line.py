@@ -7,12 +7,16 @@ import ast
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import click
 import pytest
 from click.testing import CliRunner
 
-from bt_agents_tools.cli.main import _MEANT, TASKS, all_commands, bt_agents
+from bt_agents_tools.cli.main import _MEANT, TASKS, _run, all_commands, bt_agents
 from programs import printed_by
 
 LOADED = """
@@ -113,3 +117,58 @@ def test_commands_load_ros_only_when_called():
         "    command.load()\n"
         "    assert 'rclpy' not in sys.modules, name\n"
     )
+
+
+@pytest.fixture
+def their_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Return the module of the command ``dance`` of another package, still without a file."""
+    found = [EntryPoint("dance", "their_command:tango.dance", "bt_agents.commands")]
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: found)
+    monkeypatch.syspath_prepend(tmp_path)
+    all_commands.cache_clear()
+    yield tmp_path / "their_command.py"
+    all_commands.cache_clear()
+    sys.modules.pop("their_command", None)
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("raise RuntimeError('first\\nsecond')", "RuntimeError: first second"),
+        ("import sys; sys.exit('bye')", "SystemExit: bye"),
+        ("import nobody_has_this", "ModuleNotFoundError: No module named 'nobody_has_this'"),
+        ("def (", "SyntaxError: invalid syntax"),
+        ("", "AttributeError: module 'their_command' has no attribute 'tango'"),
+        ("class tango: dance = 3", "TypeError: it is a int, expected a click.Command"),
+    ],
+)
+def test_broken_command_of_a_package_stops_nothing(
+    their_command: Path, code: str, words: str
+) -> None:
+    their_command.write_text(code)
+    assert "  dance " in CliRunner().invoke(bt_agents, ["--help"]).output
+    refused = str(CliRunner().invoke(bt_agents, ["dance"]).exception)
+    assert refused.startswith("this command cannot be loaded from their_command: ")
+    assert words in refused
+
+
+@pytest.mark.parametrize(
+    ("body", "code", "words"),
+    [("sys.exit('no tea')", 1, "error: no tea\n"), ("return 'tea'", 0, "")],
+)
+def test_command_of_a_package_may_end_with_words(
+    their_command: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    body: str,
+    code: int,
+    words: str,
+) -> None:
+    their_command.write_text(
+        "import click, sys\n\n\nclass tango:\n    @click.command()\n    @staticmethod\n"
+        f"    def dance():\n        {body}\n"
+    )
+    monkeypatch.setattr(sys, "argv", ["bt-agents", "dance"])
+    with ExitStack() as connections:
+        assert _run(connections) == code
+    assert capsys.readouterr().err == words
