@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from bt_agents_core.errors import Refused
+from bt_agents_core.errors import LONGEST_REASON, Refused
+from bt_agents_core.text import ellipsize, printable
 from bt_agents_language.expression.expression_values import EvaluationError, Undecided
 from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.model.specs import NodeSpec
@@ -18,7 +19,7 @@ def reason_of(error: Exception) -> str:
             return UndecidedReason(error)
         case MissingValue() | EvaluationError():
             return str(error)
-    return f"{type(error).__name__}: {error}"
+    return ellipsize(f"{type(error).__name__}: {printable(str(error))}", LONGEST_REASON)
 
 
 class UndecidedReason(str):

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.text import printable_lines
 from bt_agents_core.trees_folder import enclosing_folder
 from bt_agents_language.fields.interfaces import Interfaces, OfInstalledPackages
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees
@@ -177,7 +178,7 @@ def failure(result: CaseResult) -> str:
     """Return the report of a failed case: its failures side by side, then the transcript."""
     blocks: list[str] = []
     for one in result.failures:
-        blocks.append(f"{one.position.file}:{one.position.line}: {one.message}")
+        blocks.append(f"{one.position.file}:{one.position.line}: {printable_lines(one.message)}")
         if one.rows:
             blocks += table(one.rows)
     if blocks and not result.rehearsed.ticks:

@@ -13,6 +13,7 @@ from py_trees.common import Status
 from bt_agents.engine.run import StatusChange, TreeOutcome
 from bt_agents.engine.scope import format_value
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
+from bt_agents_core.text import printable_lines
 from bt_agents_language.diagnostics.renderers import columns
 from bt_agents_language.model.specs import NodeSpec, Tunable
 from bt_agents_language.nodes.catalogue import type_of
@@ -84,7 +85,7 @@ def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[str]:
     head = f"{time_text(event.at_s):>{_TIME_WIDTH}}  {_LOOKS[event.kind][0]} "
     aside = _aside(event)
     room = max(20, width - len(head) - (len(aside) + 2 if aside else 0))
-    folded = _folded(text, room)
+    folded = _folded(printable_lines(text), room)
     shown = [f"{head}{folded[0]}", *(f"{'':{len(head)}}{one}" for one in folded[1:])]
     if aside:
         shown[0] += " " * max(2, width - columns(shown[0]) - len(aside)) + aside
@@ -247,8 +248,8 @@ def table(rows: Iterable[tuple[str, str, bool]], width: int = WIDTH) -> Iterator
     room = (width - 7) // 2
     yield f"    {'expected':<{room}} │ found"
     for expected, found, same in rows:
-        left = textwrap.wrap(expected, room) or [""]
-        right = textwrap.wrap(found, room) or [""]
+        left = textwrap.wrap(printable_lines(expected), room) or [""]
+        right = textwrap.wrap(printable_lines(found), room) or [""]
         for number in range(max(len(left), len(right))):
             one = left[number] if number < len(left) else ""
             other = right[number] if number < len(right) else ""

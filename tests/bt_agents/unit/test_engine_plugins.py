@@ -342,6 +342,17 @@ def test_long_plugin_message_is_truncated() -> None:
     assert len(failure(plugged(Talker))) == 500
 
 
+def test_error_of_plugin_is_short_and_printable() -> None:
+    class Loud(Nod):
+        def update(self) -> Status:
+            raise RuntimeError("\x1b[31mred\nblue" + "x" * 10_000_000)
+
+    words = failure(plugged(Loud))
+    assert words.startswith("RuntimeError: \\x1b[31mred\\nbluexx")
+    assert words.endswith("x… (tree, a.yaml:7:3)")
+    assert len(words) < 600
+
+
 @pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])
 def test_plugin_raising_in_shutdown_does_not_disturb_end(place: str) -> None:
     told = messages_of_cancel(broken(place, RuntimeError("no nerve")), 30.0)

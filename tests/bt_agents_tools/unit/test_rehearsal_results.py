@@ -11,6 +11,7 @@ from bt_agents_core.errors import ReadError
 from bt_agents_language.nodes.node_type import Mark
 from bt_agents_tools.rehearsal.assertions import AssertionFailure, aligned
 from bt_agents_tools.rehearsal.coverage import coverage
+from bt_agents_tools.rehearsal.events import Event, EventKind
 from bt_agents_tools.rehearsal.suite import failure, run_case
 from bt_agents_tools.rehearsal.transcript import MOST_EVENTS, lines, table, time_text, transcript
 from rehearsal_harness import cases_for, rehearsed
@@ -144,6 +145,12 @@ def test_long_texts_wrap_in_both_columns() -> None:
     assert all(len(line) <= 80 for line in lines)
     assert lines[1].startswith("  ✘ one one")
     assert lines[2].startswith("    one one")
+
+
+def test_transcript_and_table_escape_control_characters() -> None:
+    event = Event(kind=EventKind.LOGS, at_s=0.0, text="\x1b[31mred\nline")
+    assert lines(event, ticks=False) == ["    0.0 s  ≡ \\x1b[31mred line"]
+    assert "\\x1b[31mred" in list(table([("red", "\x1b[31mred", False)]))[1]
 
 
 @given(st.lists(st.sampled_from("abc"), max_size=8), st.lists(st.sampled_from("abc"), max_size=8))

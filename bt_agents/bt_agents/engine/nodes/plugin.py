@@ -22,6 +22,7 @@ from bt_agents.engine.scope import Scope
 from bt_agents_core.errors import LONGEST_REASON, Refused
 from bt_agents_core.field_types import Plain
 from bt_agents_core.refusal_codes import RefusalCode
+from bt_agents_core.text import ellipsize, printable
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.specs import NodeSpec
 
@@ -87,7 +88,7 @@ class PluginLeaf(Leaf):
         lost = self._node.lost() if self._node is not None else ""
         if lost and status is Status.RUNNING:
             raise Refused(RefusalCode.LOST_GOAL, lost)
-        self.feedback_message = str(message)[:LONGEST_REASON]
+        self.feedback_message = ellipsize(printable(str(message)), LONGEST_REASON)
         return status
 
     def end(self) -> None:

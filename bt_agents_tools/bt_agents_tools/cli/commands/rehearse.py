@@ -20,6 +20,7 @@ from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.local_time import NOON
 from bt_agents_core.scene import Origin, SceneSpace
+from bt_agents_core.text import printable_lines
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees
 from bt_agents_language.files.testing.scenarios import AgentTestCase, RehearsedPerson, Scenario
 from bt_agents_language.files.testing.test_reader import read_scenario_text, read_test
@@ -231,7 +232,7 @@ def _close(console: Console, rehearsed: Rehearsed, case: AgentTestCase | None) -
     failures = failed_assertions(case, rehearsed) if case is not None else ()
     for failure in failures:
         place = f"{failure.position.file}:{failure.position.line}"
-        console.print(Text(f"✘ {place}: {failure.message}", style="red"))
+        console.print(Text(f"✘ {place}: {printable_lines(failure.message)}", style="red"))
         for row in table(failure.rows) if failure.rows else ():
             console.print(Text(row))
     if case is not None and not failures:
