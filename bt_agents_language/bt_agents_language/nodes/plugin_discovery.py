@@ -12,6 +12,8 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TypeGuard
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.text import printable_line
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import WORDS
 from bt_agents_language.nodes.node_type import Content, NodeField, NodeType
@@ -106,9 +108,9 @@ def _kind(point: EntryPoint, whose: str) -> NodeType:
         )
     try:
         behaviour = point.load()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise PluginProblem(
-            f"{whose} cannot be loaded: {type(error).__name__}: {error}"
+            f"{whose} cannot be loaded: {type(error).__name__}: {printable_line(str(error))}"
         ) from error
     if not _is_behaviour(behaviour):
         raise PluginProblem(f"{whose} is not a py_trees.behaviour.Behaviour class")
@@ -116,12 +118,14 @@ def _kind(point: EntryPoint, whose: str) -> NodeType:
     if not isinstance(fields, tuple) or not all(_is_field(field) for field in fields):
         raise PluginProblem(
             f"{whose}: 'fields' must be a tuple of NodeField with names of their own, whose "
-            "content is VALUE or CONSTANT"
+            "content is VALUE or CONSTANT, and whose attributes have the declared types"
         )
     names = [field.name for field in fields]
     main = getattr(behaviour, "main", None)
     if main is not None and main not in names:
-        raise PluginProblem(f"{whose}: 'main' is {main!r}, expected one of {', '.join(names)}")
+        raise PluginProblem(
+            f"{whose}: 'main' is {main!r}, expected one of its fields ({_listed(names)})"
+        )
     if len(set(names)) < len(names):
         raise PluginProblem(f"{whose}: two fields have the same name")
     reads, writes = _blackboard(behaviour, whose, names)
@@ -130,7 +134,7 @@ def _kind(point: EntryPoint, whose: str) -> NodeType:
         inspect.signature(behaviour).bind(name="", **dict.fromkeys(arguments))
     except TypeError as error:
         raise PluginProblem(
-            f"{whose} cannot be made with the arguments name, {', '.join(arguments)}: {error}"
+            f"{whose} cannot be made with the arguments {_listed(['name', *arguments])}: {error}"
         ) from None
     summary = (inspect.getdoc(behaviour) or "").partition("\n\n")[0]
     return NodeType(
@@ -153,7 +157,7 @@ def _blackboard(
     ):
         raise PluginProblem(
             f"{whose}: 'reads' must be a mapping from keys of the blackboard to its fields "
-            f"({', '.join(fields) or 'none'})"
+            f"({_listed(fields)})"
         )
     if not isinstance(writes, Mapping) or not all(
         isinstance(key, str) and _is_field(one) for key, one in writes.items()
@@ -173,10 +177,21 @@ def _is_behaviour(loaded: object) -> TypeGuard[type]:
     )
 
 
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "none"
+
+
 def _is_field(field: object) -> bool:
     return (
         isinstance(field, NodeField)
         and field.content in _CONTENTS
+        and isinstance(field.type, FieldType)
+        and isinstance(field.minimum, int | float | None)
+        and isinstance(field.words, tuple)
+        and all(
+            isinstance(one, str)
+            for one in (field.name, field.description, field.message, field.drawn, *field.words)
+        )
         and _KEY.fullmatch(field.name) is not None
         and field.name != "name"
     )

@@ -109,11 +109,11 @@ class FieldReader:
     def _constant(self, field: NodeField, node: Node, what: str) -> Literal | None:
         if field.words:
             return _literal(self._reading.choice(node, what, field.words))
-        if field.type is FieldType.INTEGER:
-            return _literal(self._reading.integer(node, what))
-        if field.type is FieldType.TEXT:
+        if field.type is FieldType.BOOLEAN:
+            return _literal(self._reading.boolean(node, what))
+        if field.type in (FieldType.TEXT, FieldType.ANY):
             return _literal(self._reading.text(node, what))
-        return _literal(self._reading.boolean(node, what))
+        return _literal(self._reading.amount(node, what, field.type, field.minimum))
 
     def _scene_values(self, node: Node, names: NameScope, what: str) -> MapValue:
         values: dict[str, Value] = {}
@@ -160,5 +160,5 @@ def written_fields(
     return None if written is None else written.nodes
 
 
-def _literal(value: bool | int | str | None) -> Literal | None:
+def _literal(value: float | str | None) -> Literal | None:
     return None if value is None else Literal(value=value)

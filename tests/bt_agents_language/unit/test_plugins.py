@@ -17,7 +17,7 @@ CODE = '''
 
 from py_trees.behaviour import Behaviour
 
-from bt_agents_language.nodes.node_type import NodeField
+from bt_agents_language.nodes.node_type import Content, NodeField
 from bt_agents_language.model.specs import FieldType
 
 
@@ -36,6 +36,31 @@ class Blink(Behaviour):
 
 class NoBehaviour:
     pass
+
+
+class BadType(Blink):
+    fields = (NodeField(name="times", type="integer"), NodeField(name="pause"))
+
+
+class BadMinimum(Blink):
+    fields = (NodeField(name="times", minimum="0"), NodeField(name="pause"))
+
+
+class BadDescription(Blink):
+    fields = (NodeField(name="times", description=None), NodeField(name="pause"))
+
+
+class Wave(Behaviour):
+    """Waves, as the file says it."""
+
+    fields = (
+        NodeField(name="speed", content=Content.CONSTANT, type=FieldType.NUMBER, minimum=1),
+        NodeField(name="time", content=Content.CONSTANT, type=FieldType.DURATION),
+        NodeField(name="hand", content=Content.CONSTANT),
+    )
+
+    def __init__(self, name, speed, time, hand):
+        super().__init__(name)
 
 
 class BadReads(Blink):
@@ -59,6 +84,7 @@ class Hears(Behaviour):
 def package(tmp_path: Path) -> Path:
     """Return a folder with an installed package with nodes, as pip would leave it."""
     (tmp_path / "their_nodes.py").write_text(CODE)
+    (tmp_path / "their_exit.py").write_text("raise SystemExit('no licence\\nbye')")
     info = tmp_path / "their_nodes-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: their-nodes\nVersion: 1.0\n")
@@ -105,6 +131,18 @@ def test_plugin_fields_are_checked_like_own_fields(package):
     assert codes == ["out-of-range", "bad-duration", "unknown-key"]
 
 
+def test_constants_of_plugins_have_their_types(package):
+    add_entries(package, "wave = their_nodes:Wave")
+    lines = read(
+        package,
+        "sequence: [wave: {speed: 1.5, time: 3 s, hand: left}]",
+        "wave: {speed: 0.5, time: 3 s, hand: left}",
+        "wave: {speed: 2, time: 3 m, hand: left}",
+    )
+    codes = [line.partition("error[")[2].partition("]")[0] for line in lines]
+    assert codes == ["", "out-of-range", "bad-duration"]
+
+
 def test_plugin_outputs_are_known_and_typed(package):
     add_entries(package, "hears = their_nodes:Hears")
     known, unknown, misfit = read(
@@ -125,6 +163,10 @@ def test_plugin_outputs_are_known_and_typed(package):
         ("say2 = their_nodes:Missing", "cannot be loaded"),
         ("reader = their_nodes:BadReads", "'reads' must be a mapping from keys"),
         ("writer = their_nodes:BadWrites", "'writes' must be a mapping from keys"),
+        ("typed = their_nodes:BadType", "whose attributes have the declared types"),
+        ("least = their_nodes:BadMinimum", "whose attributes have the declared types"),
+        ("told = their_nodes:BadDescription", "whose attributes have the declared types"),
+        ("leaving = their_exit:Missing", "cannot be loaded: SystemExit: no licence bye"),
         ("thing = their_nodes:NoBehaviour", "is not a py_trees.behaviour.Behaviour class"),
     ],
 )
