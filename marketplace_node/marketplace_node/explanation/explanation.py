@@ -148,9 +148,11 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
     if not known:
         return f"Nothing is known about the scene, so {bid.agent} is as near as any other agent."
     adding = sorted(
-        (i for i in known if bid.contributions[i] > 0.0), key=lambda i: -bid.contributions[i]
+        (i for i in known if bid.contributions[i]), key=lambda i: -bid.contributions[i]
     )
-    fitting = [space.names[i] for i in known if bid.contributions[i] == 0.0]
+    others = [i for i in known if not bid.contributions[i]]
+    fitting = [space.names[i] for i in others if bid.vector[i] == scene.vector[i]]
+    ignored = [space.names[i] for i in others if bid.vector[i] != scene.vector[i]]
     parts = []
     for index in adding[:_PARAMETERS_SHOWN]:
         std = scene.std[index] if by == "expected_manhattan" else 0.0
@@ -164,6 +166,8 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
         parts.append(f"{len(adding) - _PARAMETERS_SHOWN} more parameters the rest")
     if fitting:
         parts.append(f"{join_first(fitting)} {'fits' if len(fitting) == 1 else 'fit'} exactly")
+    if ignored:
+        parts.append(f"{join_first(ignored)} {'adds' if len(ignored) == 1 else 'add'} nothing")
     metric = " by the straight line" if by == "euclidean" else ""
     away = f"{bid.agent} is {distance(bid.distance, FEW)} away{metric}"
     return f"{away}: {', '.join(parts)}."

@@ -129,14 +129,16 @@ def calculation(bid: RankedBid, scene: Scene, by: str) -> str:
 
 
 def _term(bid: RankedBid, index: int, scene: Scene, by: str) -> str:
-    if by == "expected_manhattan" and scene.std[index] > 0.0:
-        return format_number(bid.contributions[index], FEW)
-    wanted = scene.vector[index]
+    wanted, own = scene.vector[index], bid.vector[index]
     shown = f"({format_number(wanted)})" if wanted < 0 else format_number(wanted)
-    difference = f"|{format_number(bid.vector[index])}−{shown}|"
-    if by == "weighted_manhattan" and bid.weights and bid.weights[index] != 1.0:
-        return f"{format_number(bid.weights[index])}·{difference}"
-    return f"{difference}²" if by == "euclidean" else difference
+    difference = f"|{format_number(own)}−{shown}|"
+    if by == "euclidean":
+        return f"{difference}²"
+    weight = bid.weights[index] if by == "weighted_manhattan" and bid.weights else 1.0
+    if not math.isclose(bid.contributions[index], weight * abs(own - wanted), abs_tol=1e-9):
+        # Uncertain values and the strategies of packages add something else.
+        return format_number(bid.contributions[index], FEW)
+    return difference if weight == 1.0 else f"{format_number(weight)}·{difference}"
 
 
 def _comparison(decision: Decision, running: str, margin: float) -> str:

@@ -18,6 +18,7 @@ import pytest
 
 from market_harness import SPACE, MarketHarness, scene
 from marketplace_node.explanation.explanation import explanation
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.round import auction, ranking
 from marketplace_node.round.decision import Ranked
 from marketplace_node.round.ranking import decide
@@ -175,6 +176,23 @@ def test_failing_strategy_is_named_and_manhattan_ranks(
     watched = ranked_by(score, monkeypatch, shadow="theirs")
     assert (watched.shadow_winner, watched.fallback, watched.by) == ("", "", "manhattan")
     assert watched.shadow_failure == BAD[score]
+
+
+def test_sum_shows_what_a_strategy_adds(monkeypatch: pytest.MonkeyPatch) -> None:
+    def tolerant(given: Any, options: Mapping[str, float], random: Any) -> list[Score]:
+        return [Score.of([0.0, -0.5, 1.0]) for _ in given.bids]
+
+    spec = replace(SPEC, name="theirs", score=tolerant)
+    monkeypatch.setattr(ranking, "STRATEGIES", {**STRATEGIES, "theirs": spec})
+    decision = decided(
+        terms(scene("s", 3.0, 3.0, 3.0), strategy="theirs"), bids({"ann": (4.0, 3.5, 4.0)})
+    )
+
+    assert reason_of(decision).startswith("ann 0.5 = 0 + −0.5 + |4−3|")
+    assert (
+        "ann is 0.5 away: mood adds 1 (profile 4, scene 3), familiarity adds −0.5 (profile 3.5, "
+        "scene 3), age adds nothing."
+    ) in explanation(decision, SPACE)
 
 
 def test_explanation_mentions_failing_shadow(monkeypatch: pytest.MonkeyPatch) -> None:
