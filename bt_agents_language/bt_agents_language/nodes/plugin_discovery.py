@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import inspect
 import re
+import sys
 from collections.abc import Iterable, Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -107,7 +109,9 @@ def _kind(point: EntryPoint, whose: str) -> NodeType:
             f"{whose} has the name of '{point.name}', a word of the language, which stays"
         )
     try:
-        behaviour = point.load()
+        # Some packages print when they are imported; standard output may be for programs.
+        with redirect_stdout(sys.stderr):
+            behaviour = point.load()
     except (Exception, SystemExit) as error:
         raise PluginProblem(
             f"{whose} cannot be loaded: {type(error).__name__}: {printable_line(str(error))}"

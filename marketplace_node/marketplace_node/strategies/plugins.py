@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from collections.abc import Iterable, Mapping
+from contextlib import redirect_stdout
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
@@ -68,7 +70,9 @@ def _spec(point: EntryPoint) -> StrategySpec:
             "digits and '_'"
         )
     try:
-        spec: StrategySpec = point.load()
+        # Some packages print when they are imported; standard output may be for programs.
+        with redirect_stdout(sys.stderr):
+            spec: StrategySpec = point.load()
     except (Exception, SystemExit) as error:
         raise StrategyPluginProblem(
             f"{whose} cannot be loaded: {type(error).__name__}: {' '.join(str(error).split())}"

@@ -213,6 +213,23 @@ def test_check_warns_about_unusable_plugin(clashing):
     assert "skills/robot.yaml" in printed
 
 
+def test_printing_package_leaves_standard_output_alone(package):
+    code = package / "their_nodes.py"
+    code.write_text(f"{code.read_text()}\nprint('Hello from this package')\n")
+    printed = run(
+        package,
+        """
+        import contextlib, io
+        from bt_agents_language.nodes.plugin_discovery import installed_plugins
+        with contextlib.redirect_stdout(io.StringIO()) as output:
+            installed_plugins()
+        print(repr(output.getvalue()))
+        """,
+    )
+    assert "Hello from this package" in printed
+    assert printed.splitlines()[-1] == "''"
+
+
 def test_explain_lists_plugins_and_keeps_skill(clashing):
     assert command(clashing, "explain", "say", "--dir", "TREES").startswith("say skill Speak")
     printed = command(clashing, "explain", "--dir", "TREES")

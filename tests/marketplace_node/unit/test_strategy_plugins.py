@@ -118,6 +118,18 @@ def test_invalid_strategy_is_reported_with_explanation(name: str, unfit: Any, wo
     assert words in problems[0]
 
 
+def test_printing_package_leaves_standard_output_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    class Chatty(EntryPoint):
+        def load(self) -> Any:
+            print("Hello from this package")
+            return SPEC
+
+    specs, _ = read_plugins([Chatty("own", "theirs:SPEC", GROUP)])
+
+    assert list(specs) == ["own"]
+    assert capsys.readouterr() == ("", "Hello from this package\n")
+
+
 def not_finite(given: Any, options: Mapping[str, float], random: Any) -> list[Score]:
     return [one._replace(score=math.nan) for one in manhattan(given, options, random)]
 
