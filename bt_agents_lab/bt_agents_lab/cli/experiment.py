@@ -32,6 +32,7 @@ from bt_agents_tools.cli.assignments import Assignments, assignments
 from bt_agents_tools.cli.formatting import progress_bar
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 from marketplace_node.settings import Settings
+from marketplace_node.strategies.plugins import add_installed
 
 if TYPE_CHECKING:
     from bt_agents_lab.experiments.sweep_figures import Played
@@ -81,6 +82,8 @@ def run(
     """
     from bt_agents_lab.experiments.core import through_core
 
+    for problem in add_installed():
+        click.echo(problem, err=True)
     of_strategy = {f"{strategy}.{option}": value for option, value in options}
     settings = Settings(strategy=strategy, tie_break=tie_break, options=of_strategy)
     fine = True

@@ -138,6 +138,8 @@ class Core:
                 waiting += self._market.run_ended(effect.goal, end, _NOW)
                 self._send_heartbeat(0)
             elif isinstance(effect, PublishAuction):
+                if effect.decision.ranked.fallback:
+                    raise BtAgentsError(effect.decision.ranked.fallback)
                 for row in rows_of_decision(effect):
                     self._on_result(row)
             elif isinstance(effect, Collect):

@@ -219,7 +219,10 @@ class _Counterfactual:
         self._outlook.bidders |= {bid.agent for bid in bids}
         terms = self._terms(one, scene)
         external = external_of(auction) if terms.strategy == EXTERNAL else None
-        ranked = decide(space.profiles, terms, bids, external=external).bids
+        decided = decide(space.profiles, terms, bids, external=external)
+        if self._changes.strategy and decided.fallback:
+            raise Refused(RefusalCode.STRATEGY_FAILED, decided.fallback)
+        ranked = decided.bids
         if not ranked:
             return "", math.nan
         margin = ranked[1].score - ranked[0].score if len(ranked) > 1 else math.nan

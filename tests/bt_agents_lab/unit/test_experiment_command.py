@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_lab.cli import experiment
 from bt_agents_lab.cli.through_ros import prepared_experiment
 from bt_agents_lab.experiments.core import through_core
 from bt_agents_lab.experiments.replicas import opened
@@ -17,6 +18,7 @@ from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
 from checkout import ROOT
+from marketplace_node.strategies import STRATEGIES, StrategySpec, catalogue
 
 EXPERIMENTS = ROOT / "experiments"
 FILE = "experiment.yaml"
@@ -53,6 +55,22 @@ def test_strategy_needing_more_than_bids_is_rejected(strategy):
     assert isinstance(refusal, BtAgentsError)
     assert f"strategy '{strategy}' is not simulated" in str(refusal)
     assert "take one of manhattan," in str(refusal)
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_strategy_of_a_package_is_simulated(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    def add_installed() -> tuple[str, ...]:
+        score = (lambda *_: []) if fails else STRATEGIES["manhattan"].score
+        theirs = StrategySpec(name="theirs", description="Of somebody else.", score=score)
+        monkeypatch.setitem(catalogue._ALL, "theirs", theirs)
+        return ("strategy 'other' cannot be loaded",)
+
+    monkeypatch.setattr(experiment, "add_installed", add_installed)
+    ended = run(str(EXPERIMENTS / "3"), "--strategy", "theirs")
+    assert ended.stderr.startswith("strategy 'other' cannot be loaded\n")
+    assert ended.exit_code == int(fails)
+    if fails:
+        assert str(ended.exception).startswith("strategy theirs: it returns 0 scores for ")
 
 
 def test_missing_feedback_for_scene_error_suggests_fix(tmp_path):

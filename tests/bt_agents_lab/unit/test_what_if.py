@@ -31,6 +31,7 @@ from bt_agents_lab.replay.recording_index import NO_TEXTS, RecordingIndex
 from bt_agents_language.files.folder_reader import read_trees
 from checkout import ROOT
 from journal_fixture import EPOCH, NAN, JournaledSystem, index_of, morning, write_folder
+from marketplace_node.strategies import STRATEGIES, catalogue
 from tree_harness import SPACE, scene
 
 
@@ -182,6 +183,16 @@ def test_a_robust_update_withstands_one_wrong_feedback(
         system.give_feedback("bert", FeedbackKind.DIRECT, (age, NAN, NAN))
     assert result(system, tmp_path, Changes()).profiles["bert"][0] < 4.0
     assert result(system, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
+
+
+def test_failing_strategy_is_a_problem_not_manhattan(
+    system: JournaledSystem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = replace(STRATEGIES["manhattan"], name="broken", score=lambda *_: [])
+    monkeypatch.setitem(catalogue._ALL, "broken", broken)
+    system.round(scene("s0", age=4.0))
+    [case] = result(system, tmp_path, Changes(strategy="broken")).rounds
+    assert (case.now, case.problem) == ("", "strategy broken: it returns 0 scores for 2 bids")
 
 
 def test_random_strategy_gives_reproducible_results(tmp_path: Path) -> None:
