@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -12,7 +11,6 @@ from typing import Any
 
 import click
 
-from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError, Refused, RefusedElsewhere
 from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.person_mention import PersonMention
@@ -25,9 +23,6 @@ from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.formatting import counted
 from bt_agents_tools.cli.trees_choice import kept_state, state_option
 from bt_agents_tools.launcher.log_files import erase_lines, log_home
-
-_ABOUT_PERSONS = ("scenes", "ends", "run_ends", "pinned", "vetoed")
-"""Parts of the market's files whose texts may name persons."""
 
 
 @click.command()
@@ -55,7 +50,7 @@ def forget(
     places: dict[str, Callable[[], str]] = {
         "ledger": lambda: _from_ledger(Path(ledger or kept.ledger), layer, author, runs),
         "memory": lambda: _from_memory(Path(memory or kept.memory), mention),
-        "market": lambda: _from_market(kept, mention, runs),
+        "market": lambda: _from_market(kept, mention),
         "journals": lambda: _from_journals(Path(journal or kept.journal), mention),
         # Last, because the nodes log whom they have forgotten.
         "logs": lambda: _from_logs(kept, state, mention),
@@ -136,49 +131,18 @@ def _from_memory(file: Path, person: PersonMention) -> str:
 def _mentions(file: Path, person: PersonMention) -> bool:
     try:
         return person.is_in(file.read_text("utf-8", errors="replace"))
-    except FileNotFoundError:  # a running scene layer has put it in place meanwhile
+    except FileNotFoundError:  # also if a running node has put it in place meanwhile
         return False
 
 
-def _from_market(kept: StateFolder, person: PersonMention, runs: bool) -> str:
-    """Remove scenes about a person, and texts of orders that name them."""
-    removed = 0
-    for file in (kept.scenes, kept.orders):
-        if not file.exists():
-            continue
-        try:
-            stored = json.loads(file.read_text("utf-8") or "{}")
-            about = {key: stored[key] for key in _ABOUT_PERSONS if key in stored}
-            rest, number = _without(about, person)
-        except (ValueError, TypeError, RecursionError):
-            raise BtAgentsError(f"{file} cannot be read, and may name the person") from None
-        if number and runs:
-            raise BtAgentsError(
-                f"{file} names the person, and is being used; try again after the end of "
-                "the scene, the veto or that system"
-            )
-        if number:
-            write_atomically(file, json.dumps({**stored, **rest}, ensure_ascii=False))
-            removed += number
-    return f"{counted(removed, 'record')} removed from {kept.path}"
-
-
-def _without(stored: Any, person: PersonMention) -> tuple[Any, int]:
-    """Return a document without entries of lists, and texts, that name a person; count them."""
-    if isinstance(stored, str) and person.is_in(stored):
-        return "(reason forgotten)", 1
-    if isinstance(stored, dict):
-        found = {
-            key: _without(value, person)
-            for key, value in stored.items()
-            if key not in ("agent", "host")
-        }
-        rest = stored | {key: one for key, (one, _) in found.items()}
-        return rest, sum(number for _, number in found.values())
-    if isinstance(stored, list):
-        items = [(one, _without(one, person)[1]) for one in stored]
-        return [one for one, number in items if not number], sum(bool(n) for _, n in items)
-    return stored, 0
+def _from_market(kept: StateFolder, person: PersonMention) -> str:
+    named = [str(one) for one in (kept.scenes, kept.orders) if _mentions(one, person)]
+    if named:
+        raise BtAgentsError(
+            f"{join_first(named)}: a waiting scene, or the reason of a pin or veto, names the "
+            "person; try again after its end, or delete the file while no system uses it"
+        )
+    return f"nothing names the person in {kept.path}"
 
 
 def _from_journals(folder: Path, person: PersonMention) -> str:
