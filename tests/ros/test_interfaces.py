@@ -18,7 +18,7 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_interfaces.msg import Scene
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.types import fill, load_type, read_field, to_plain, types_of
-from file_texts import read_agent_text
+from file_texts import read_agent_text, read_skills_text
 from tree_harness import SYMBOLS
 
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
@@ -290,6 +290,17 @@ def test_values_and_conditions_are_checked_against_installed_types(tree, expecte
         read_agent_text(head + tree + "}\n", "a.yaml", symbols)
     assert [line.split("error[")[1].split("]")[0] for line in caught.value.lines] == [expected]
     read_agent_text(head + "say: x}\n", "a.yaml", symbols)
+
+
+def test_numbers_of_skills_must_fit_their_field():
+    topic = "topic: {name: t, type: std_msgs/msg/UInt8, message: {data: '${n}'}}"
+    skills = f"format: 1\nskills: {{tally: {{main: n, inputs: {{n: integer}}, {topic}}}}}\n"
+    skills = read_skills_text(skills, "s.yaml")
+    symbols = replace(SYMBOLS, interfaces=InstalledInterfaces(), skills=skills)
+    head = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: "
+    read_agent_text(head + "{tally: 200}\n", "a.yaml", symbols)
+    with pytest.raises(ReadError, match="'data' does not fit, expected 0 to 255"):
+        read_agent_text(head + "{tally: 300}\n", "a.yaml", symbols)
 
 
 @pytest.mark.parametrize(

@@ -103,6 +103,7 @@ class Outputs:
         declared: Outputs whose declared types their fields must have.
 
     Attributes:
+        kind: Kind of the interface.
         result: Outputs that arrive at the end.
         feedback: Outputs that arrive during an action.
         result_fields: Fields of the received message.
@@ -118,7 +119,7 @@ class Outputs:
         self._types = {one.name: one.type for one in declared}
         self.result: dict[str, str] = {}
         self.feedback: dict[str, str] = {}
-        self._is_action = kind is BindingKind.ACTION
+        self.kind = kind
         received = interfaces if kind in RECEIVED else None
         self.result_fields = MessageFields(received, kind, type_name or "", RECEIVED.get(kind, ""))
         self._feedback_fields = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
@@ -129,7 +130,8 @@ class Outputs:
         A source is a path such as ``answer``, ``result.answer`` or ``feedback.progress``.
         """
         fields, message, found = self.result_fields, "result", self.result
-        if self._is_action and isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}."):
+        is_action = self.kind is BindingKind.ACTION
+        if is_action and isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}."):
             fields, message, found = self._feedback_fields, FEEDBACK, self.feedback
         path = read_output(reading, node, what, fields, message)
         if path is None:

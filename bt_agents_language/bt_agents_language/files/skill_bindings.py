@@ -107,12 +107,13 @@ def _outputs(
     inline: bool,
 ) -> Outputs:
     outputs = Outputs(kind, type_name, interfaces, skill.outputs)
-    if fields.get("outputs") is not None and kind not in RECEIVED:
+    sources = [entry.value for entry in entries_of(fields.get("outputs"))]
+    if kind not in RECEIVED and sources and (inline or not all(map(_is_nothing, sources))):
         reading.error(
             "unknown-key",
             fields.keys["outputs"],
             "a skill that is a topic has no outputs: nothing comes back from it",
-            "remove 'outputs'",
+            "remove 'outputs'" if inline else "write 'nothing' for each output",
         )
     elif inline:
         _read_declared(reading, fields, outputs)
@@ -135,7 +136,7 @@ def _read_bound(
     declared = [one.name for one in skill.outputs]
     for entry in fields.entries("outputs"):
         name = entry.key.text
-        if name in declared and isinstance(entry.value, Scalar) and entry.value.text == NOTHING:
+        if name in declared and _is_nothing(entry.value):
             continue
         if name in declared:
             outputs.read(reading, name, entry.value, f"output '{name}'")
@@ -146,10 +147,15 @@ def _read_bound(
     written = {entry.key.text for entry in entries_of(fields.get("outputs"))}
     missing = [name for name in declared if name not in written]
     if missing and written <= {*declared}:
+        proposed = "…" if outputs.kind in RECEIVED else NOTHING
         reading.error(
             "missing-key",
             fields.mapping.position,
             f"{what} says nothing about the output{'s' * (len(missing) > 1)} "
             f"{join_quoted(missing)}",
-            "add 'outputs: {" + ", ".join(f"{name}: …" for name in missing) + "}'",
+            "add 'outputs: {" + ", ".join(f"{name}: {proposed}" for name in missing) + "}'",
         )
+
+
+def _is_nothing(source: Node) -> bool:
+    return isinstance(source, Scalar) and source.text == NOTHING

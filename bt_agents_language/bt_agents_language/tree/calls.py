@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bt_agents_core.diagnostic import Position
-from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.field_types import Plain
 from bt_agents_core.text import ellipsize, join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.expression.expressions import Expression
@@ -82,7 +82,7 @@ class CallReader:
             if variants is not None:
                 fields[skill.main] = variants
         for one in skill.inputs:
-            value = fields.get(one.name) if one.type is FieldType.ANY else None
+            value = fields.get(one.name)
             if one.name in nodes and value is not None and not isinstance(value, Expression):
                 self._check_sent(skill.binding, one.name, nodes[one.name], value)
         return fields

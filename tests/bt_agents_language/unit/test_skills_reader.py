@@ -246,6 +246,18 @@ def test_another_robot_binds_output_to_own_feedback() -> None:
     assert (binding.outputs, binding.feedback) == ({}, {"left": "good"})
 
 
+def test_topic_binds_a_skill_with_outputs() -> None:
+    topic = "topic: {name: go, type: known_msgs/msg/Go}"
+    for outputs in ("", "outputs: {left: left}, "):
+        with pytest.raises(ReadError, match="nothing"):
+            read_skills_text(
+                BOUND.replace("outputs: {left: feedback.good}, " + ACTION, outputs + topic),
+                "s.yaml",
+            )
+    bound = BOUND.replace("feedback.good", "nothing").replace(ACTION, topic)
+    assert read_skills_text(bound, "s.yaml")["go"].binding is not None
+
+
 def test_service_field_named_feedback_is_plain_result() -> None:
     binding = go("service: {name: go, type: a/srv/Go}", LEFT % "left", None)
     assert binding.outputs == {"left": "feedback.left"}
