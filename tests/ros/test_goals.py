@@ -227,6 +227,18 @@ def test_next_goal_waits_until_server_ends_previous_one(ros: Any, host: Host) ->
     assert second.message == ""
 
 
+def test_goal_given_up_for_good_delays_no_other(
+    ros: Any, host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros_environment, "PURSUED_S", 0.3)
+    ScriptedServer(ros, script=Script(finish_s=None, on_cancel="refuses"))
+    first = host.accepted(timeouts=Timeouts(result_s=0.1))
+    assert news(ros, host, first) is GoalState.TIMED_OUT
+    assert host.send().message == "its server has not ended the goal before yet"
+    ros.until(lambda: host.send().message == "")
+    assert not first.confirmed
+
+
 def test_unresponsive_server_gets_next_goal_after_timeout(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="refuses"))
     first = host.accepted()

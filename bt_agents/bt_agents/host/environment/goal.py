@@ -137,6 +137,7 @@ class GoalTrack:
         self._silent_since: float | None = None
         self._cancel_asked = False
         self._cancel_sent = False
+        self._is_given_up = False
         self._servers: frozenset[str] = frozenset()
         self._look_at = 0.0
         self._repeat_at = math.inf
@@ -149,9 +150,9 @@ class GoalTrack:
 
     @property
     def is_ending(self) -> bool:
-        """True from its cancel, or its end for the leaf, until its server confirms the end."""
+        """True from its cancel, or its end for the leaf, until its end is certain or given up."""
         over = self._cancel_asked or self.state.ended
-        return over and self._sent_at is not None and not self.confirmed
+        return over and self._sent_at is not None and not (self.confirmed or self._is_given_up)
 
     @property
     def accepted_by(self) -> float:
@@ -207,6 +208,11 @@ class GoalTrack:
         """
         self._end(state, message)
         self.confirmed = self.confirmed or alone
+
+    def pursued(self, certain: bool) -> None:
+        """Handle the end of its pursuit; later goals no longer wait for it."""
+        self.confirmed = self.confirmed or certain
+        self._is_given_up = True
 
     def lost(self, message: str) -> None:
         """Handle the loss of its server's answer; the goal itself may still run."""
@@ -497,8 +503,9 @@ class RosGoalRun(TrackedGoal):
         servers: Looks up the servers of the action.
         earlier_is_ending: Returns whether an earlier goal of the client is ending.
         pursue: Cancels a given-up goal until its server (or its next start, or each of several
-            servers) has stopped working on it; then calls back. Its second argument is when the
-            last of several servers has accepted the goal, steady time [s], or None for one server.
+            servers) has stopped working on it, for a limited time; then calls back with whether
+            that is certain. Its second argument is when the last of several servers has accepted
+            the goal, steady time [s], or None for one server.
     """
 
     def __init__(
@@ -513,7 +520,7 @@ class RosGoalRun(TrackedGoal):
         open_goals: OpenGoalList,
         servers: Callable[[], Servers],
         earlier_is_ending: Callable[[], bool],
-        pursue: Callable[[OpenGoal, float | None, Callable[[], None]], None],
+        pursue: Callable[[OpenGoal, float | None, Callable[[bool], None]], None],
         feedback: bool,
         warn: Callable[[str], None],
     ) -> None:
@@ -578,7 +585,7 @@ class RosGoalRun(TrackedGoal):
         elif self._track.state.ended and not self._is_pursued:
             self._is_pursued = True
             accepted_by = self._track.accepted_by if self._found.several else None
-            self._pursue(self._identity, accepted_by, self._is_gone)
+            self._pursue(self._identity, accepted_by, self._pursued)
         if self._track.take_cancel():
             self._expect(self._handle.cancel_goal_async(), self._cancel_answered)
 
@@ -593,9 +600,9 @@ class RosGoalRun(TrackedGoal):
         self._track.accepted()
         self._expect(handle.get_result_async(), self._ended)
 
-    def _is_gone(self) -> None:
+    def _pursued(self, certain: bool) -> None:
         with self._transition():
-            self._track.ended(self._track.state)
+            self._track.pursued(certain)
 
     def _cancel_answered(self, response: Any) -> None:
         if response.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:

@@ -392,13 +392,14 @@ class RosEnvironment:
         )
 
     def _pursue(
-        self, goal: OpenGoal, accepted_by: float | None, on_end: Callable[[], None]
+        self, goal: OpenGoal, accepted_by: float | None, on_end: Callable[[bool], None]
     ) -> None:
-        def report(unconfirmed: tuple[OpenGoal, ...]) -> None:
-            if not unconfirmed:
-                on_end()
-
-        self._canceller.cancel([goal], within_s=PURSUED_S, accepted_by=accepted_by, on_end=report)
+        self._canceller.cancel(
+            [goal],
+            within_s=PURSUED_S,
+            accepted_by=accepted_by,
+            on_end=lambda unconfirmed: on_end(not unconfirmed),
+        )
 
     def _following(self, goal: SkillGoal, goal_id: bytes, client: Any) -> dict[str, Any]:
         """Return the arguments for tracking a goal of an action to its end."""
