@@ -350,3 +350,13 @@ def test_latched_topic_delivers_last_message_at_first_tick() -> None:
     harness.environment.arrive("door", {"data": False})
     harness.environment.arrive("door", {"data": True})
     assert harness.tick() == "succeeded"
+
+
+def test_remark_on_a_server_follows_the_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    tree = "sequence: [{set: {n: 2}}, {say: 'Take ${n}.'}]"
+    harness = started(tree, answers={"say": [ScriptedReply(after_s=9.0)]})
+    [goal] = harness.environment.goals
+    monkeypatch.setattr(type(goal), "message", "its server is busy")
+    harness.tick()
+    told = [change.message for change in harness.changes if change.path == "tree/1.say"]
+    assert told[-1] == "Take 2. (its server is busy)"

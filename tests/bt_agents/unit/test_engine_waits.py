@@ -128,3 +128,16 @@ def test_wait_reports_its_condition_only_once() -> None:
     assert harness.message.startswith(
         "not done within 10 s: not so yet: live.mood > 4 (live.mood is 3.5) (tree@timeout"
     )
+
+
+def test_fast_messages_are_explained_once_a_second() -> None:
+    harness = started(f"{{wait_for: {MESSAGE}, timeout: 2 s}}")
+    for number in range(-6, 0):
+        arrive(harness, number)
+        harness.after(0.25)
+    told = [change.message for change in harness.changes if change.path == "tree"]
+    assert [text for text in told if text] == [
+        f"the last message is not so: msg.data > 3 (msg.data is {number})" for number in (-6, -2)
+    ]
+    harness.after(0.5)
+    assert "(msg.data is -1)" in harness.message

@@ -93,7 +93,10 @@ class SkillLeaf(GoalLeaf):
         state = self._run.state
         self._store_feedback(self._run.feedback)
         if not state.ended:
-            self.feedback_message = self._run.message or self._main_text
+            remark = self._run.message
+            if remark and self._main_text:
+                remark = f" ({remark})"
+            self.feedback_message = self._main_text + remark
             return Status.RUNNING
         if state is GoalState.SUCCEEDED:
             return self._succeeded(self._run.result)

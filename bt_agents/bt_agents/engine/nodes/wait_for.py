@@ -17,6 +17,9 @@ from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expressions import MissingValue, StaleValue
 from bt_agents_language.model.specs import NodeSpec
 
+EXPLAINED_S = 1.0
+"""Shortest time between two explanations of a message that does not fit [s]: topics are fast."""
+
 
 class _Hold:
     """Start of the time in which something has been continuously true, on the trees' clock."""
@@ -86,10 +89,10 @@ class WaitForMessage(Leaf):
 
     changes_values = True
     _inbox: Inbox | None = None
-    _mismatch = ""
+    _unfit: MessageNames | None = None
 
     def begin(self) -> None:
-        self._mismatch = ""
+        self._unfit, self._mismatch, self._explain_at = None, "", -math.inf
         self._hold = _Hold()
         self._message: Mapping[str, Plain] = {}
         topic, type_name = str(self.fields.value("topic")), str(self.fields.value("type"))
@@ -107,7 +110,7 @@ class WaitForMessage(Leaf):
                 if seconds == 0:
                     break
         if not self.context.is_due(self.spec.path, self._hold.due(seconds)):
-            self.feedback_message = self._mismatch or self._inbox.problem
+            self.feedback_message = self._explained() or self._inbox.problem
             return RUNNING
         found = {
             name: field_of(self._message, path, f"msg.{path}")
@@ -118,7 +121,10 @@ class WaitForMessage(Leaf):
         return SUCCESS
 
     def missing(self) -> str:
-        return self._mismatch
+        if self._unfit is None:
+            return ""
+        until = self.fields.condition("until")
+        return explain_false(until, self._unfit, verb="the last message is not so")
 
     def end(self) -> None:
         if self._inbox is not None:
@@ -129,12 +135,15 @@ class WaitForMessage(Leaf):
         if "until" not in self.fields:
             return True
         names = MessageNames(prefix="msg", message=message, around=self.scope)
-        until = self.fields.condition("until")
-        if until.is_true(names.lookup):
-            self._mismatch = ""
-            return True
-        self._mismatch = explain_false(until, names, verb="the last message is not so")
-        return False
+        fits = self.fields.condition("until").is_true(names.lookup)
+        self._unfit = None if fits else names
+        return fits
+
+    def _explained(self) -> str:
+        now = self.context.clock()
+        if now >= self._explain_at and (text := self.missing()) != self._mismatch:
+            self._mismatch, self._explain_at = text, now + EXPLAINED_S
+        return self._mismatch
 
 
 def wait_for(spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild) -> Leaf:
