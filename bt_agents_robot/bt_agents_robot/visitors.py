@@ -53,6 +53,7 @@ from bt_agents_robot.people import (
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
+from bt_agents_ros.discovery import node_of
 from bt_agents_ros.messages import seconds
 from bt_agents_ros.parameters import TREES, StartParameter, declare, describe, make_from_parameters
 from bt_agents_ros.spinner import run
@@ -464,8 +465,7 @@ class VisitorsNode(BaseNode):
         """
         button = self._buttons[topic]
         nodes = self.get_subscriptions_info_by_topic(button.topic_name)
-        names = [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in nodes]
-        return self._host in names and button.get_subscription_count() > 0
+        return self._host in map(node_of, nodes) and button.get_subscription_count() > 0
 
     def _change(self, change: SceneChange) -> None:
         self._values.update(change.values)

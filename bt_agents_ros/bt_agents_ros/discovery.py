@@ -13,6 +13,9 @@ from rclpy.subscription import Subscription
 from bt_agents_core.field_types import BindingKind
 from bt_agents_ros.workarounds.departed_clients import PREFIX
 
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""Name that the middleware gives to a node of which it knows only an endpoint so far."""
+
 
 def is_matched(
     node: Node, publisher: Publisher[Any], subscription: Subscription[Any], partner: str
@@ -36,6 +39,13 @@ def is_matched(
 def participants(endpoints: list[Any]) -> frozenset[str]:
     """Return the participants of endpoints on the graph."""
     return frozenset(bytes(endpoint.endpoint_gid[:PREFIX]).hex() for endpoint in endpoints)
+
+
+def node_of(endpoint: Any) -> str:
+    """Return the full name of the node of an endpoint; empty while the graph does not know it."""
+    if endpoint.node_name == _UNKNOWN:
+        return ""
+    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
 
 
 def types_on_graph(node: Node, kind: BindingKind, name: str) -> frozenset[str]:

@@ -13,6 +13,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.refusal_codes import RefusalCode
 from bt_agents_interfaces.msg import MarketHeartbeat
 from bt_agents_ros import qos
+from bt_agents_ros.discovery import node_of
 from bt_agents_ros.node_main import RESTARTED
 from bt_agents_ros.signals import check_interrupt
 from bt_agents_ros.spinner import Spinner
@@ -63,10 +64,7 @@ def refuse_second_market() -> None:
 
 def another_market_text(node: Node, epoch: str) -> str:
     """Return in words that another market is alive, and which one."""
-    nodes = {
-        f"{end.node_namespace.rstrip('/')}/{end.node_name}"
-        for end in node.get_publishers_info_by_topic(MARKET_HEARTBEAT)
-    }
+    nodes = {*map(node_of, node.get_publishers_info_by_topic(MARKET_HEARTBEAT))} - {""}
     return (
         f"another marketplace is alive here: epoch '{shown(epoch[:_LONGEST_EPOCH])}', node "
         f"{' or '.join(sorted(nodes)) or '(unknown)'}; end one of the two, or set ROS_DOMAIN_ID "

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from bt_agents.engine.environment import GoalState
@@ -14,6 +16,7 @@ from bt_agents.host.environment.graph_problems import (
 )
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents_core.health import Health
+from bt_agents_ros.discovery import node_of
 
 
 def test_file_problems_are_an_error_naming_the_files():
@@ -62,6 +65,19 @@ def test_restarted_server_is_not_a_duplicate_at_first():
     assert graph.look("/carry", ["/a", "/a"]) == ""
     now[0] = FORGOTTEN_S
     assert graph.look("/carry", ["/a", "/a"])
+
+
+def test_new_server_without_a_name_is_no_duplicate() -> None:
+    unknown = SimpleNamespace(
+        node_namespace="_NODE_NAMESPACE_UNKNOWN_", node_name="_NODE_NAME_UNKNOWN_"
+    )
+    known = SimpleNamespace(node_namespace="/", node_name="driver")
+    servers = [node_of(one) for one in (known, unknown)]
+    now = [0.0]
+    graph = GraphProblems(clock=lambda: now[0])
+    assert graph.look("/carry", servers) == ""
+    now[0] = FORGOTTEN_S
+    assert ", of /driver:" in graph.look("/carry", servers)
 
 
 @pytest.mark.parametrize("state", [GoalState.CANCELLED, GoalState.TIMED_OUT])

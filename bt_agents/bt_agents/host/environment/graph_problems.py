@@ -42,16 +42,17 @@ class GraphProblems:
     ) -> str:
         """Check the nodes that serve an action or a service; return a remark for people.
 
-        Two servers with the same name may be a killed server and its next start.
+        An unknown node has an empty name. Two servers with the same name may be a killed server
+        and its next start.
         """
         if len(servers) < 2:
             self._since.pop(name, None)
             return self.report(name, "")
         since = self._since.setdefault(name, self._clock())
-        names = sorted({*servers})
+        names = sorted({*servers} - {""})
         if len(names) < 2 and self._clock() < since + FORGOTTEN_S:
             return self.report(name, "")
-        nodes = f", of {', '.join(names)}" if all(names) else ""
+        nodes = f", of {', '.join(names)}" if names else ""
         return self.report(
             name,
             f"{len(servers)} servers offer the {kind.value} {name}{nodes}: each may act; stop all "

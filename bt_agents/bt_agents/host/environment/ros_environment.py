@@ -40,7 +40,7 @@ from bt_agents_interfaces.msg import RunKey as RunKeyMsg
 from bt_agents_language.model.specs import Binding, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_ros import qos
-from bt_agents_ros.discovery import participants, types_on_graph
+from bt_agents_ros.discovery import node_of, participants, types_on_graph
 from bt_agents_ros.goal_cancellation import GoalCanceller
 from bt_agents_ros.types import fill, load_type
 
@@ -384,11 +384,10 @@ class RosEnvironment:
     def _look(self, action: str) -> Servers:
         """Return the servers of an action; several servers are a problem."""
         endpoints = self._node.get_publishers_info_by_topic(f"{action}/_action/status")
-        nodes = [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in endpoints]
         return Servers(
             participants=participants(endpoints),
             several=len(endpoints) > 1,
-            note=self.graph_problems.look(action, nodes),
+            note=self.graph_problems.look(action, list(map(node_of, endpoints))),
         )
 
     def _pursue(
