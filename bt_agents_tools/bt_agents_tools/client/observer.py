@@ -15,6 +15,7 @@ from bt_agents_core.health import PartHealth
 from bt_agents_core.ros_names import is_full_name
 from bt_agents_core.text import printable
 from bt_agents_ros import qos
+from bt_agents_ros.discovery import node_of
 from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.system_topics import topic_called
 from bt_agents_ros.timers import steady_timer
@@ -89,9 +90,6 @@ _LEAVING = (
     State.TRANSITION_STATE_SHUTTINGDOWN,
     State.TRANSITION_STATE_ERRORPROCESSING,
 )
-
-_NAMESPACE_UNKNOWN = "_NODE_NAMESPACE_UNKNOWN_"
-"""Name that ROS uses for the namespace of a process whose nodes it has not discovered yet."""
 
 
 class _EventBuffer:
@@ -273,8 +271,7 @@ class Observer(SystemClient):
         kind = "bt_agents_interfaces/msg/MarketStatus"
         topics = [name for name, kinds in self.node.get_topic_names_and_types() if kind in kinds]
         ends = (end for topic in topics for end in self.node.get_publishers_info_by_topic(topic))
-        found = {printable(end.node_namespace) for end in ends}
-        return sorted(found - {_NAMESPACE_UNKNOWN})
+        return sorted({printable(end.node_namespace) for end in ends if node_of(end)})
 
     def nodes_there(self) -> set[str]:
         """Return the names of the nodes discovered in this namespace so far."""
