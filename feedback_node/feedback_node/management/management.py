@@ -218,11 +218,8 @@ class Management:
                 "name the person or the place, such as person/anna; the profile for everybody is "
                 "not forgotten, 'bt-agents profile reset' brings back the profile of the file",
             )
-        found = [
-            one
-            for one in self._documents.layers_of(command.agent)
-            if folded(one.layer) == folded(command.layer)
-        ]
+        layers = self._documents.layers_of(command.agent)
+        found = [one for one in layers if folded(one.layer) == folded(command.layer)]
         if not found:
             raise self._documents.unknown(command.agent, command.layer)
         return self._erase(found, command.author)

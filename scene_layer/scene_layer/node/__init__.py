@@ -285,12 +285,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         if request.announce:
             self._begin_visit_by_hand(name)
             scene, response.kept = self._announce(
-                request.label,
-                values,
-                person,
-                request.urgent,
-                told=request.told,
-                person_id=name or None,
+                request.label, values, person, request.urgent, request.told, name or None
             )
             response.message = f"scene {scene.scene_id} announced"
             if response.kept:
@@ -341,7 +336,6 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         values: Mapping[str, float],
         person: bool | None,
         urgent: bool,
-        *,
         told: bool = False,
         person_id: str | None = None,
     ) -> tuple[Scene, bool]:

@@ -42,24 +42,15 @@ class BadType(Blink):
     fields = (NodeField(name="times", type="integer"), NodeField(name="pause"))
 
 
-class BadMinimum(Blink):
-    fields = (NodeField(name="times", minimum="0"), NodeField(name="pause"))
-
-
-class BadDescription(Blink):
-    fields = (NodeField(name="times", description=None), NodeField(name="pause"))
-
-
 class Wave(Behaviour):
     """Waves, as the file says it."""
 
     fields = (
         NodeField(name="speed", content=Content.CONSTANT, type=FieldType.NUMBER, minimum=1),
         NodeField(name="time", content=Content.CONSTANT, type=FieldType.DURATION),
-        NodeField(name="hand", content=Content.CONSTANT),
     )
 
-    def __init__(self, name, speed, time, hand):
+    def __init__(self, name, speed, time):
         super().__init__(name)
 
 
@@ -135,9 +126,9 @@ def test_constants_of_plugins_have_their_types(package):
     add_entries(package, "wave = their_nodes:Wave")
     lines = read(
         package,
-        "sequence: [wave: {speed: 1.5, time: 3 s, hand: left}]",
-        "wave: {speed: 0.5, time: 3 s, hand: left}",
-        "wave: {speed: 2, time: 3 m, hand: left}",
+        "sequence: [wave: {speed: 1.5, time: 3 s}]",
+        "wave: {speed: 0.5, time: 3 s}",
+        "wave: {speed: 2, time: 3 m}",
     )
     codes = [line.partition("error[")[2].partition("]")[0] for line in lines]
     assert codes == ["", "out-of-range", "bad-duration"]
@@ -163,9 +154,7 @@ def test_plugin_outputs_are_known_and_typed(package):
         ("say2 = their_nodes:Missing", "cannot be loaded"),
         ("reader = their_nodes:BadReads", "'reads' must be a mapping from keys"),
         ("writer = their_nodes:BadWrites", "'writes' must be a mapping from keys"),
-        ("typed = their_nodes:BadType", "whose attributes have the declared types"),
-        ("least = their_nodes:BadMinimum", "whose attributes have the declared types"),
-        ("told = their_nodes:BadDescription", "whose attributes have the declared types"),
+        ("typed = their_nodes:BadType", "whose type is a FieldType"),
         ("leaving = their_exit:Missing", "cannot be loaded: SystemExit: no licence bye"),
         ("thing = their_nodes:NoBehaviour", "is not a py_trees.behaviour.Behaviour class"),
     ],
@@ -211,23 +200,6 @@ def test_check_warns_about_unusable_plugin(clashing):
     assert printed.count("node 'say' of their-nodes") == 1
     assert "has the name of the skill 'say' (" in printed
     assert "skills/robot.yaml" in printed
-
-
-def test_printing_package_leaves_standard_output_alone(package):
-    code = package / "their_nodes.py"
-    code.write_text(f"{code.read_text()}\nprint('Hello from this package')\n")
-    printed = run(
-        package,
-        """
-        import contextlib, io
-        from bt_agents_language.nodes.plugin_discovery import installed_plugins
-        with contextlib.redirect_stdout(io.StringIO()) as output:
-            installed_plugins()
-        print(repr(output.getvalue()))
-        """,
-    )
-    assert "Hello from this package" in printed
-    assert printed.splitlines()[-1] == "''"
 
 
 def test_explain_lists_plugins_and_keeps_skill(clashing):

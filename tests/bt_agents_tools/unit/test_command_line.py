@@ -8,7 +8,6 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -16,7 +15,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from bt_agents_tools.cli.main import _MEANT, TASKS, _run, all_commands, bt_agents
+from bt_agents_tools.cli.main import _MEANT, TASKS, all_commands, bt_agents
 from programs import printed_by
 
 LOADED = """
@@ -135,10 +134,7 @@ def their_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[P
     ("code", "words"),
     [
         ("raise RuntimeError('first\\nsecond')", "RuntimeError: first second"),
-        ("import sys; sys.exit('bye')", "SystemExit: bye"),
         ("import nobody_has_this", "ModuleNotFoundError: No module named 'nobody_has_this'"),
-        ("def (", "SyntaxError: invalid syntax"),
-        ("", "AttributeError: module 'their_command' has no attribute 'tango'"),
         ("class tango: dance = 3", "TypeError: it is a int, expected a click.Command"),
     ],
 )
@@ -150,25 +146,3 @@ def test_broken_command_of_a_package_stops_nothing(
     refused = str(CliRunner().invoke(bt_agents, ["dance"]).exception)
     assert refused.startswith("this command cannot be loaded from their_command: ")
     assert words in refused
-
-
-@pytest.mark.parametrize(
-    ("body", "code", "words"),
-    [("sys.exit('no tea')", 1, "error: no tea\n"), ("return 'tea'", 0, "")],
-)
-def test_command_of_a_package_may_end_with_words(
-    their_command: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    body: str,
-    code: int,
-    words: str,
-) -> None:
-    their_command.write_text(
-        "import click, sys\n\n\nclass tango:\n    @click.command()\n    @staticmethod\n"
-        f"    def dance():\n        {body}\n"
-    )
-    monkeypatch.setattr(sys, "argv", ["bt-agents", "dance"])
-    with ExitStack() as connections:
-        assert _run(connections) == code
-    assert capsys.readouterr().err == words

@@ -502,10 +502,8 @@ class RosGoalRun(TrackedGoal):
     Args:
         servers: Looks up the servers of the action.
         earlier_is_ending: Returns whether an earlier goal of the client is ending.
-        pursue: Cancels a given-up goal until its server (or its next start, or each of several
-            servers) has stopped working on it, for a limited time; then calls back with whether
-            that is certain. Its second argument is when the last of several servers has accepted
-            the goal, steady time [s], or None for one server.
+        pursue: :meth:`GoalCanceller.cancel` with a time limit; for a given-up goal, whose server
+            (or its next start, or each of several servers) may still work on it.
     """
 
     def __init__(
@@ -520,7 +518,7 @@ class RosGoalRun(TrackedGoal):
         open_goals: OpenGoalList,
         servers: Callable[[], Servers],
         earlier_is_ending: Callable[[], bool],
-        pursue: Callable[[OpenGoal, float | None, Callable[[bool], None]], None],
+        pursue: Callable[..., None],
         feedback: bool,
         warn: Callable[[str], None],
     ) -> None:
@@ -585,7 +583,7 @@ class RosGoalRun(TrackedGoal):
         elif self._track.state.ended and not self._is_pursued:
             self._is_pursued = True
             accepted_by = self._track.accepted_by if self._found.several else None
-            self._pursue(self._identity, accepted_by, self._pursued)
+            self._pursue([self._identity], accepted_by=accepted_by, on_end=self._pursued)
         if self._track.take_cancel():
             self._expect(self._handle.cancel_goal_async(), self._cancel_answered)
 
@@ -600,9 +598,9 @@ class RosGoalRun(TrackedGoal):
         self._track.accepted()
         self._expect(handle.get_result_async(), self._ended)
 
-    def _pursued(self, certain: bool) -> None:
+    def _pursued(self, unconfirmed: tuple[OpenGoal, ...]) -> None:
         with self._transition():
-            self._track.pursued(certain)
+            self._track.pursued(certain=not unconfirmed)
 
     def _cancel_answered(self, response: Any) -> None:
         if response.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:

@@ -390,16 +390,6 @@ class RosEnvironment:
             note=self.graph_problems.look(action, list(map(node_of, endpoints))),
         )
 
-    def _pursue(
-        self, goal: OpenGoal, accepted_by: float | None, on_end: Callable[[bool], None]
-    ) -> None:
-        self._canceller.cancel(
-            [goal],
-            within_s=PURSUED_S,
-            accepted_by=accepted_by,
-            on_end=lambda unconfirmed: on_end(not unconfirmed),
-        )
-
     def _following(self, goal: SkillGoal, goal_id: bytes, client: Any) -> dict[str, Any]:
         """Return the arguments for tracking a goal of an action to its end."""
         action = self._full_name(goal.name)
@@ -410,7 +400,7 @@ class RosEnvironment:
             "open_goals": self._open_goals,
             "servers": lambda: self._look(action),
             "earlier_is_ending": lambda: self._deadlines.is_ending(client),
-            "pursue": self._pursue,
+            "pursue": partial(self._canceller.cancel, within_s=PURSUED_S),
             "warn": lambda text: self._node.get_logger().warning(f"{goal.name}: {text}"),
         }
 

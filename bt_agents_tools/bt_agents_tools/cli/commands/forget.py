@@ -120,11 +120,12 @@ def _from_memory(file: Path, person: PersonMention) -> str:
     found = forget_in_file(file, person.name)
     done = f"{person.name} is removed from {file}" if found else f"nothing is known in {file}"
     # Damaged files that were set aside, and new ones of a process that was killed.
-    others = {*file.parent.glob(f"{file.name}.*"), *file.parent.glob(f".{file.name}.*")}
-    names = [one for one in others if one.is_file() and _mentions(one, person)]
+    others = sorted(file.parent.glob(f"*{file.name}.*"))
+    names = [str(one) for one in others if one.is_file() and _mentions(one, person)]
     if names:
-        listed = join_first(str(one) for one in sorted(names))
-        raise BtAgentsError(f"{done}, but files beside it name the person; delete them: {listed}")
+        raise BtAgentsError(
+            f"{done}, but files beside it name the person; delete them: {join_first(names)}"
+        )
     return done
 
 
