@@ -93,10 +93,8 @@ class SkillLeaf(GoalLeaf):
         state = self._run.state
         self._store_feedback(self._run.feedback)
         if not state.ended:
-            remark = self._run.message
-            if remark and self._main_text:
-                remark = f" ({remark})"
-            self.feedback_message = self._main_text + remark
+            said, remark = self._main_text, self._run.message
+            self.feedback_message = f"{said} ({remark})" if said and remark else said or remark
             return Status.RUNNING
         if state is GoalState.SUCCEEDED:
             return self._succeeded(self._run.result)

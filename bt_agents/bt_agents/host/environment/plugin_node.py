@@ -130,11 +130,15 @@ class RosPluginNode:
     """
 
     def __init__(self, node: Node, send: SendGoal) -> None:
-        self.node: Any = _RememberingNode(node, self._take_over)
+        self._remembering = _RememberingNode(node, self._take_over)
         self._executor = node.executor
         self._send = send
         self._goals: list[PluginGoal] = []
         self._settled: list[PluginGoal] = []
+
+    @property
+    def node(self) -> Any:
+        return self._remembering
 
     def open_goals(self) -> int:
         self._settled = [goal for goal in self._settled if not goal.confirmed]
@@ -163,7 +167,7 @@ class RosPluginNode:
             goal.give_up()
         self._settled.clear()
         self._goals.clear()
-        self.node.destroy_all()
+        self._remembering.destroy_all()
 
     def _take_over(self, client: Any) -> None:
         """Track the goals of an action client that a behaviour has created."""
